@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 ARGS ?=
 LOWEST := tests/deqmcl_gym_env/test_clients.py tests/maps/test_grid_files.py tests/logs/test_round_trips.py \
-	tests/benchmarks_harness/test_charts.py tests/benchmarks_harness/test_mcap.py tests/system/test_dask.py
+	tests/benchmarks_harness/test_pictures.py tests/benchmarks_harness/test_mcap.py tests/system/test_stopped_sweeps.py
 unexport PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: compile once
 
 .DEFAULT_GOAL := help

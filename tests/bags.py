@@ -2,6 +2,7 @@
 
 import gzip
 import math
+import shutil
 
 import numpy as np
 from rosbags import rosbag1
@@ -61,13 +62,9 @@ def odometry(time, x, heading=0.0, frame="base_footprint", y=0.0):
 
 def bag(path, *messages, plugin=StoragePlugin.SQLITE3, first=0):
     """Write messages (topic, type, message), received one after another from ``first`` ns on."""
+    sent = [(topic, kind, at, one) for at, (topic, kind, one) in enumerate(messages, first)]
     with Writer(path, version=8, storage_plugin=plugin) as writer:
-        topics = {}
-        for number, (topic, kind, message) in enumerate(messages, first):
-            if topic not in topics:
-                topics[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            if message is not None:
-                writer.write(topics[topic], number, STORE.serialize_cdr(message, kind))
+        _send(writer, STORE, sent, STORE.serialize_cdr)
     return path
 
 
@@ -126,7 +123,6 @@ def messages(log):
 
 
 def spacing(angles):
-    """The angle between beams that are evenly spaced."""
     return (angles[-1] - angles[0]) / max(len(angles) - 1, 1)
 
 
@@ -142,9 +138,7 @@ def _written_in_ros2(path, sent):
         _send(writer, STORE, sent, STORE.serialize_cdr)
     if path.suffix:
         next(folder.glob("*.mcap")).rename(path)
-        for rest in folder.iterdir():
-            rest.unlink()
-        folder.rmdir()
+        shutil.rmtree(folder)
 
 
 def _written_in_ros1(path, sent):
@@ -163,7 +157,8 @@ def _send(writer, store, sent, encode):
     for topic, kind, time, message in sent:
         if topic not in topics:
             topics[topic] = writer.add_connection(topic, kind, typestore=store)
-        writer.write(topics[topic], time, encode(message, kind))
+        if message is not None:
+            writer.write(topics[topic], time, encode(message, kind))
 
 
 def _of_ros1(value, store):

@@ -27,6 +27,13 @@ def _patience(monkeypatch):
 
 
 @pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A temporary folder, in which the test runs."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
 def ran(monkeypatch):
     """Trials that were run rather than found."""
     found, run = [], Stage.moments

@@ -17,7 +17,6 @@ SQUARE = {"outer": [[0, 0], [7, 0], [7, 6], [0, 6]], "unit": "m"}
 
 @functools.cache
 def episode(steps: int = 40, preset: str = "sharp", seed: int = 3) -> logs.Log:
-    """The log of a planned drive."""
     env = RecordLog(gym.make("deqmcl_gym/Room-v0", preset=preset))
     _, info = env.reset(seed=seed)
     for _ in range(steps):
@@ -56,7 +55,6 @@ def same(one: logs.Log, other: logs.Log, within: float = 0.0, angles: float = 0.
 
 
 def read_and_warned(*args, **kwargs) -> tuple[logs.Log, str]:
-    """A log, and what was warned of when it was read."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         log = logs.read(*args, **kwargs)

@@ -13,7 +13,6 @@ from deqmcl_gym.maps import GridMap
 
 
 def recorded_in_a_hall(steps: int) -> tuple[GridMap, Log]:
-    """Return the hall, and the log of so many steps along a lap, with the true poses."""
     cells = np.pad(np.zeros((66, 86), np.int8), 1, constant_values=100)
     cells[28:40, 28:60] = cells[1:12, 40:44] = cells[50:, 10:14] = 100
     hall = GridMap(occupancy=cells, resolution=0.05)

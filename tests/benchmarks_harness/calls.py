@@ -43,7 +43,6 @@ def interrupted():
 
 
 def alive(number):
-    """Whether a process still runs."""
     try:
         with open(f"/proc/{number}/stat") as file:
             return file.read().rpartition(")")[2].split()[0] != "Z"

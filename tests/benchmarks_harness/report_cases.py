@@ -68,7 +68,6 @@ def trials(localizer, errors, **how):
 
 
 def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl"):
-    """Results of these records."""
     return Results(
         title=title,
         records=list(records),
@@ -88,28 +87,23 @@ def table_of(records, **how):
 
 
 def results_csv(records, **how):
-    """The text of results.csv."""
     return csv_of(results(records, **how).table, FURTHER)
 
 
 def trials_csv(records):
-    """The text of trials.csv."""
     return csv_of(trials_frame(records), INNER)
 
 
 def panels_of(records, **how):
-    """Panels of these records."""
     return results(records, **how).panels
 
 
 def panel_of(records, **how):
-    """The only panel of these records."""
     (panel,) = panels_of(list(records), **how)
     return panel
 
 
 def lines_of(table):
-    """The cells of a table, line by line."""
     return table.frame.astype(str).to_numpy().tolist()
 
 
@@ -122,7 +116,6 @@ def written(out, given, laps=()):
 
 
 def parsed(text):
-    """Lines of a CSV, each by column."""
     return list(csv.DictReader(io.StringIO(text)))
 
 
@@ -142,3 +135,14 @@ THREE = {
     "deq-mcl": (16.0, (0, -20, 20)),
     "./my file.py:<b>&Mine$x$": (24.0, (0,)),
 }
+TURNER = """
+import numpy as np
+
+class Turner:
+    def __init__(self, robot, *, by=0.1):
+        self.robot, self.by = robot, by
+    def plan_at_reset(self, info):
+        return None
+    def act(self, belief, info):
+        return np.array([0.0, self.by], np.float32), None
+"""

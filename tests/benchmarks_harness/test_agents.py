@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 from refusals import refused
-from report_cases import results, trials
+from report_cases import TURNER, results, trials
 
 from benchmarks.agents import AGENTS
 from benchmarks.checks import check
@@ -17,17 +17,6 @@ from benchmarks.trials.spec import Method, Trial
 from benchmarks.trials.stage import Stage, key_of
 
 TRIAL = Trial(scenario="guided", localizer="mcl", params=(), lag=0, seed=0, trial=0)
-AGENT = """
-import numpy as np
-
-class Turner:
-    def __init__(self, robot, *, by=0.1):
-        self.by = by
-    def plan_at_reset(self, info):
-        return None
-    def act(self, belief, info):
-        return np.array([0.0, self.by], np.float32), None
-"""
 SWEEP = {"localizers": ["mcl-map", "mcl"], "scenario": "guided", "trials": 2}
 
 
@@ -66,7 +55,7 @@ def test_a_baseline_that_is_a_localizer_is_compared_with_those_of_the_same_agent
 
 
 def test_a_sweep_names_agents_and_their_parameters_and_trials_without_one_are_as_before(tmp_path):
-    (tmp_path / "mine.py").write_text(AGENT)
+    (tmp_path / "mine.py").write_text(TURNER)
     (tmp_path / "sweep.toml").write_text(
         'localizers = ["mcl"]\n[[vary]]\n'
         'agent = ["stale", "mine.py", { name = "mine.py:Turner", params = { by = 0.2 } }]\n'
@@ -97,13 +86,13 @@ def test_a_scenario_gives_its_agent_parameters_and_another_one_changes_them(tmp_
 
 
 def test_an_agent_of_a_trial_drives_and_its_code_is_in_the_key(tmp_path):
-    (tmp_path / "mine.py").write_text(AGENT)
+    (tmp_path / "mine.py").write_text(TURNER)
     ours = replace(TRIAL, agent=Named(f"{tmp_path}/mine.py:Turner", {"by": 0.3}))
     moments = Stage.of(ours).moments()
     next(moments)
     assert next(moments).action == pytest.approx([0.0, 0.3])
     before = key_of(ours)
-    (tmp_path / "mine.py").write_text(AGENT + "# edited")
+    (tmp_path / "mine.py").write_text(TURNER + "# edited")
     assert key_of(ours) != before
 
 
@@ -138,7 +127,7 @@ def test_our_agents_keep_all_laws(name):
     assert check("agents", name).failed == ()
 
 
-BAD = AGENT.replace("        return np.array", "        {}\n        return np.array")
+BAD = TURNER.replace("        return np.array", "        {}\n        return np.array")
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as generated
 from scipy import stats
 
+from benchmarks.trials import scores
 from benchmarks.trials.clouds import (
     belief_moments,
     belief_scores,
@@ -39,7 +40,6 @@ def together(*beliefs, truth=TRUTH):
 
 
 def spread(poses, weights):
-    """Mean and variance of one cloud."""
     (row,) = belief_moments(together((poses, weights)))
     return row[:4], row[4:]
 
@@ -64,13 +64,6 @@ def test_the_moments_of_a_cloud_are_those_of_numpy(dtype):
     assert ours[1] == pytest.approx(variance, rel=1e-12, abs=1e-12)
 
 
-def plain_energy(poses, weights, truth):
-    """Σ w |x - z| - ½ ΣΣ w w' |x - x'| over all pairs."""
-    xy = poses[:, :2]
-    apart = np.linalg.norm(xy[:, None] - xy[None], axis=2)
-    return weights @ np.linalg.norm(xy - truth[:2], axis=1) - 0.5 * weights @ apart @ weights
-
-
 @pytest.mark.parametrize("n", [2, 3, 50, 1000])
 def test_the_energy_score_is_that_of_all_pairs_up_to_the_pairs_left_out(n):
     # 128 points in systematic order estimate E|X - X'| with an SD below 2 √(Var h₁ / 128), where
@@ -79,9 +72,11 @@ def test_the_energy_score_is_that_of_all_pairs_up_to_the_pairs_left_out(n):
     ratios = []
     for seed in range(40):
         poses, weights = cloud(n, seed)
-        near = weights @ np.linalg.norm(poses[:, :2] - TRUTH[:2], axis=1)
+        xy = poses[:, :2]
+        near = weights @ np.linalg.norm(xy - TRUTH[:2], axis=1)
+        apart = np.linalg.norm(xy[:, None] - xy, axis=2)
         ours = near - calibrated(poses, weights)[0]
-        ratios.append(ours / (near - plain_energy(poses, weights, TRUTH)))
+        ratios.append(ours / (0.5 * weights @ apart @ weights))
     assert np.mean(ratios) == pytest.approx(1, abs=0.05)
 
 
@@ -186,3 +181,55 @@ def test_any_points_are_scored_as_numpy_would_or_refused_in_one_sentence(poses, 
     # float64: sums of up to 4 terms; our sines of 1e9 rad are good to 1e-6
     assert (np.abs(ours[:4] - mean) <= 1e-12 * scale + [0, 0, 1e-6, 1e-6]).all()
     assert np.isfinite(ours).all() or len(shares) == 1
+
+
+def estimate(x, y, heading, length=1.0):
+    """An estimate of (x, y, cos θ, sin θ), (1, 4); a mean of directions is shorter than 1."""
+    return np.array([[x, y, length * math.cos(heading), length * math.sin(heading)]])
+
+
+def test_the_state_error_is_the_norm_over_x_y_cosine_and_sine_of_each_state():
+    # (3, 4) px off, and (1, 0) where the heading π/2 has (0, 1): 9 + 16 + 1 + 1 = 27
+    means = np.array([[13.0, 24, 1, 0], [0, 0, 0, 0]])
+    truth = np.array([[10, 20, PI / 2 - 2 * PI], [0, 0, 0]])
+    assert scores.state_error(means, truth) == pytest.approx([math.sqrt(27), 1], rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-160, 1.0, 1e160, 1e307])
+def test_lengths_of_any_size_scale_without_overflow_or_loss(size):
+    means = size * np.array([[3.0, 4.0, 0.0, 0.0], [0.0, -5.0, 0.0, 0.0]])
+    assert scores.position_error(means, np.zeros((2, 3))) == pytest.approx([5 * size] * 2)
+    assert scores.rms(size * np.array([1.0, 7.0])) == pytest.approx(5 * size)
+
+
+@pytest.mark.parametrize(
+    ("estimated", "true", "apart"),
+    [
+        (0.3, 0.1, 0.2),
+        (PI - 0.1, -PI + 0.1, 0.2),  # 174° and -174° are 12° apart, not 348°
+        (0.2, 0.1 + 6 * PI, 0.1),
+        (PI / 2, -PI / 2, PI),
+    ],
+)
+@pytest.mark.parametrize("length", [1.0, 0.01])
+def test_the_heading_error_is_the_shorter_way_round_for_any_mean(estimated, true, apart, length):
+    means = estimate(0, 0, estimated, length)
+    error = scores.heading_error(means, np.array([[5.0, 5.0, true]]))
+    assert error == pytest.approx([apart], abs=1e-12)  # a few roundings of numbers below 20
+
+
+# 4 · ½ log(2πe), by hand
+FOUR = 5.6757541328
+
+
+def test_entropy_does_not_fall_below_that_of_the_floors():
+    # ½ log(10⁻² · 10⁻² · 10⁻⁶ · 10⁻⁶) = -8 log 10 = -18.4206807440
+    for variances in ([0, 0, 0, 0], [1e-2, 1e-2, 1e-6, 1e-6], [1e-3, 0, 1e-7, 1e-30]):
+        lowest = scores.entropy(np.array([variances]), "px")
+        assert lowest == pytest.approx([FOUR - 18.4206807440], abs=1e-9)
+
+
+def test_the_floors_of_a_room_in_metres_are_as_large_as_in_pixels():
+    # a pixel is 2 cm: each of two lengths adds log 0.02
+    in_pixels, in_metres = (scores.entropy(np.zeros((1, 4)), unit) for unit in ("px", "m"))
+    assert in_metres - in_pixels == pytest.approx([2 * math.log(0.02)], abs=1e-12)

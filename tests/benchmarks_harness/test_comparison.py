@@ -14,7 +14,6 @@ from benchmarks.trials.spec import Method
 
 
 def told(row, name):
-    """An estimate in a row."""
     return tuple(row[[name, f"{name}_low", f"{name}_high"]])
 
 
@@ -71,9 +70,7 @@ VARIANTS = [method("deq-mcl", kind="a"), method("mcl", kind="a"), method("mcl", 
         (VARIANTS[2], "ekf", VARIANTS[0]),  # which was not run: the first method
     ],
 )
-def test_of_several_variants_the_baseline_is_the_one_with_the_shared_parameters(
-    compared, name, expected
-):
+def test_of_variants_the_baseline_is_the_one_with_the_shared_parameters(compared, name, expected):
     assert baseline_of(compared, [*VARIANTS, compared], name) == expected
 
 

@@ -53,9 +53,7 @@ def drives(monkeypatch):
 
 
 @pytest.mark.parametrize("world", WORLDS)
-def test_methods_that_follow_see_the_very_arrays_and_their_records_are_those_of_each_alone(
-    world, drives, monkeypatch
-):
+def test_methods_see_the_very_arrays_and_have_the_records_of_each_alone(world, drives, monkeypatch):
     seen, moments = {}, Stage.moments
 
     def noted(stage, *how):
@@ -121,8 +119,6 @@ def test_an_agent_that_says_nothing_or_inherits_looks_at_the_belief():
 
 
 class Overwriting:
-    """Writes into all that it is shown."""
-
     def __init__(self, robot):
         del robot
 

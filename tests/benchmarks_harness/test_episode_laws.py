@@ -11,7 +11,7 @@ import localizers
 from benchmarks.setup.names import SCENARIOS, scenario
 from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.setup.priors import Uniform
-from benchmarks.sweeps.sweepfile import PAPER_METHODS, paper_sweep
+from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials.episode import moments
 from benchmarks.trials.stage import Stage
 from localizers import PoseBelief
@@ -32,8 +32,6 @@ BLINDLY_DRIVEN = [
 
 
 class Liar(gym.Wrapper):
-    """Says something else than the truth."""
-
     def __init__(self, env, lie):
         super().__init__(env)
         self._lie = np.array(lie)
@@ -83,8 +81,6 @@ def test_garbage_in_place_of_the_truth_changes_no_belief_even_where_the_plan_cha
 
 
 class Vandal:
-    """Overwrites all that it was ever given, at every call."""
-
     def __init__(self, robot):
         self.given = []
         self.spoil(robot)
@@ -138,18 +134,6 @@ def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_
     assert np.array_equal(again.offsets[0].means, before.offsets[0].means)
 
 
-@pytest.mark.parametrize("name", BLINDLY_DRIVEN)
-def test_all_methods_of_a_trial_see_the_same_world(name):
-    worlds = {
-        trial.localizer: [
-            (moment.truth.tobytes(), moment.ranges.tobytes())
-            for moment in Stage.of(trial).moments()
-        ]
-        for trial in trials(fitting(PAPER_METHODS, name), name)
-    }
-    assert all(world == worlds["mcl"] for world in worlds.values())
-
-
 def test_different_trials_see_different_worlds_and_start_from_different_clouds():
     first, second = (next(iter(Stage.of(t).moments())) for t in trials(["mcl"], count=2))
     assert (first.ranges != second.ranges).any()
@@ -172,8 +156,6 @@ class Planner:
 
 
 class Listener:
-    """A localizer that notes what it is told."""
-
     def reset(self, prior, plan, rng):
         self.plans = [plan]
         return PoseBelief(prior.mean)
@@ -183,10 +165,17 @@ class Listener:
         return PoseBelief((0.0, 0.0, 0.0))
 
 
-def test_the_localizer_is_told_the_plan_of_whoever_drives_and_the_agent_not_the_truth():
+def played(agent, localizer):
+    """The paper's room, and the moments of an agent and a localizer in it."""
     ours = scenario("paper")
-    room, agent, localizer = ours.room(), Planner(), Listener()
-    seen = list(moments(room, agent, localizer, partial(ours.prior_in, room), RNG, seed=SEED))
+    room = ours.room()
+    prior = partial(ours.prior_in, room)
+    return room, list(moments(room, agent, localizer, prior, RNG, seed=SEED))
+
+
+def test_the_localizer_is_told_the_plan_of_whoever_drives_and_the_agent_not_the_truth():
+    agent, localizer = Planner(), Listener()
+    room, seen = played(agent, localizer)
     steps = len(room.plan)
     assert len(seen) == len(localizer.plans) == steps + 1
     assert np.array_equal(localizer.plans[0], room.plan)  # nobody has believed anything yet
@@ -210,11 +199,8 @@ class Watcher(Planner):
 
 @pytest.mark.parametrize("sees", [False, True])
 def test_an_agent_sees_the_latest_scan_and_the_truth_only_if_it_says_so(sees):
-    ours = scenario("paper")
-    room, agent = ours.room(), Watcher()
-    agent.sees_truth = sees
-    prior = partial(ours.prior_in, room)
-    seen = list(moments(room, agent, Listener(), prior, RNG, seed=SEED))
+    (agent := Watcher()).sees_truth = sees
+    _, seen = played(agent, Listener())
     for moment, (ranges, truth) in zip(seen, agent.told, strict=False):
         assert np.array_equal(ranges, moment.ranges)
         assert np.array_equal(truth, moment.truth) if sees else truth is None
@@ -222,10 +208,8 @@ def test_an_agent_sees_the_latest_scan_and_the_truth_only_if_it_says_so(sees):
 
 @pytest.mark.parametrize("own_plans", [False, True])
 def test_a_localizer_may_leave_out_plans_made_from_its_own_belief(own_plans):
-    ours = scenario("paper")
-    room, localizer = ours.room(), Listener()
-    localizer.own_plans = own_plans
-    list(moments(room, Watcher(), localizer, partial(ours.prior_in, room), RNG, seed=SEED))
+    (localizer := Listener()).own_plans = own_plans
+    room, _ = played(Watcher(), localizer)
     assert len(localizer.plans[0]) == len(room.plan)  # of the env, at reset
     assert {len(plan) for plan in localizer.plans[1:]} == ({3} if own_plans else {0})
 

@@ -1,6 +1,7 @@
 """Scores of whole runs over worlds: censored curves, paired tests, CSV files, the report."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -22,25 +23,22 @@ from test_store import TRIAL, record_of
 
 from benchmarks.report.charts import journey_charts
 from benchmarks.report.films import films_of
+from benchmarks.report.runs import starts_table
 from benchmarks.report.tables import glance_table, journey_table, verdict_table
 from benchmarks.report.verdict import verdict_on
 from benchmarks.sweeps.store import writing
 from benchmarks.tables.frames import share_curve
 from benchmarks.tables.stats import median_estimate, sign_test, wilson
+from benchmarks.trials.collecting import WholeRun
 from benchmarks.trials.scores import GROUPS
 
 NEVER = math.inf
 
 
-def curve_of(runs):
-    """The curve of (world, metres) of each run."""
-    frame = pd.DataFrame(runs, columns=["trial", "metres"])
-    return share_curve(frame.set_index("trial")["metres"])
-
-
 def test_the_curve_of_a_hand_made_case_counts_censored_runs_as_not_localized():
     # two runs on world 2: its half counts as half a world
-    curve = curve_of([(0, 1.0), (1, 3.0), (2, 2.0), (2, NEVER), (3, NEVER)])
+    worlds = pd.Index([0, 1, 2, 2, 3], name="trial")
+    curve = share_curve(pd.Series([1.0, 3.0, 2.0, NEVER, NEVER], worlds))
     assert list(curve["metres"]) == [0, 1, 2, 3]
     assert list(curve["share"]) == [0, 1 / 4, 1.5 / 4, 2.5 / 4]
     assert tuple(curve[["low", "high"]].iloc[-1]) == wilson(2.5 / 4, 4)
@@ -233,3 +231,59 @@ def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_
             store.put(key, TRIAL, spoilt, 1.0)
         with pytest.raises(ValueError, match="whole run named 'fame'"):
             changed(kept.journey, scores=kept.journey.scores | {"fame": 1.0})
+
+
+COLUMNS = ["runs", "localized", "metres_median", "steps_median"]
+
+
+def run_of(world, way, distance, angle, *, name="mcl", off=0.0, segment=6.0, **params):
+    """A finished trial with such curves, of a start that is off by so much."""
+    place = {"world": {"segment": segment}, "assumed": {"prior.distance": off}, "params": params}
+    record = changed(finished(name, world, 1.0, **place), unit="m")
+    curves = {"way": way, "distance": distance, "angle": angle}
+    return changed(record, journey=WholeRun(scores={}, curves=curves))
+
+
+def test_a_run_is_localized_from_where_it_stays_near_to_its_end():
+    way, near, astray = [0.0, 1.0, 2.0, 3.5], [0.2] * 4, [1.5] * 4
+    expected = [  # distance, angle, metres and steps; within half of the segment
+        (near, [0.1] * 4, 0.0, 0, 1),
+        ([0.2, 1.5, 1.0, 0.2], [0.1] * 4, 2.0, 2, 1),
+        (near, [0.1, 0.6, 0.6, 0.5], 3.5, 3, 0),
+        (near, [0.1, 0.1, 0.1, 0.6], math.inf, math.inf, 0),
+        (astray, [0.1] * 4, math.inf, math.inf, 0),
+    ]
+    runs = [run_of(w, way, *curves) for w, (*curves, _, _, _) in enumerate(expected)]
+    for run, (*_, metres, steps, soon) in zip(runs, expected, strict=True):
+        rows = starts_table([run])[COLUMNS].to_numpy().tolist()
+        assert rows == [[1, soon, metres, steps]]
+    assert starts_table(runs)[COLUMNS].to_numpy().tolist() == [[5, 2, 3.5, 3]]
+
+
+def test_ten_metres_are_soon_enough_however_long_a_run_is():
+    for way, soon in ((9.9, 1), (10.1, 0)):
+        run = run_of(0, [0.0, way], [3.0, 0.0], [0.0, 0.0], segment=50.0)
+        assert starts_table([run])["localized"].tolist() == [soon]
+
+
+def test_a_failed_run_is_never_localized_and_other_priors_have_no_row():
+    run = run_of(0, [0.0], [0.0], [0.0])
+    failed = replace(run.trial, trial=1)
+    row = starts_table([run], [failed]).iloc[0]
+    assert (row["runs"], row["localized"], row["metres_median"]) == (2, 1, math.inf)
+    assert starts_table([finished("mcl", 0, 1.0)]).empty
+
+
+def test_rows_are_by_localizer_and_error_and_name_what_else_was_swept():
+    places = [("mcl", 1.0, 300), ("amcl", 0.0, 100), ("mcl", 0.0, 300), ("mcl", 1.0, 100)]
+    runs = [
+        run_of(0, [0.0], [0.0], [0.0], name=name, off=off, particles=count)
+        for name, off, count in places
+    ]
+    rows = starts_table(runs)[["localizer", "distance_m"]].to_numpy().tolist()
+    assert rows == [
+        ["mcl particles 300", 0.0],
+        ["mcl particles 300", 1.0],
+        ["amcl", 0.0],
+        ["mcl particles 100", 1.0],
+    ]

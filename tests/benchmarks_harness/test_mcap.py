@@ -13,10 +13,10 @@ from deqmcl_command import exit_code, files
 from hall import recorded_in_a_hall
 from mcap.reader import make_reader
 from refusals import refused
+from report_cases import trial_of
 
 from benchmarks.report.films import way_of_plan
 from benchmarks.report.laps import check_file, showing, shown_again
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
 from localizers import best_cluster
@@ -82,10 +82,8 @@ SCHEMAS = {
 @pytest.fixture(scope="module")
 def lap(tmp_path_factory):
     """The first steps of a hedge in the paper's room, in px, beside what is in the file."""
-    trial = Trial(
-        scenario="guided", localizer="mcl-plan-hedged", params={"particles": 50}, lag=0, seed=1,
-        trial=0
-    )  # fmt: skip
+    few = {"particles": 50}
+    trial = trial_of("mcl-plan-hedged", 0, scenario="guided", params=few, lag=0, seed=1)
     stage, path = Stage.of(trial), tmp_path_factory.mktemp("mcap") / "new" / "a.mcap"
     episode = (moment for moment in stage.moments() if moment.t <= 12)
     kept = []
@@ -160,8 +158,7 @@ def test_scans_plans_and_series_are_those_of_the_run(lap):
 
 
 @pytest.fixture
-def hall(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def hall(here):
     hall, log = recorded_in_a_hall(steps=40)
     hall.save("hall.yaml")
     logs.Trajectory(log.times, log.reference).write("lap.tum")
@@ -200,10 +197,8 @@ def test_a_replay_has_its_localizers_side_by_side_at_the_times_of_the_log(hall, 
 def segment_of(log, number=0):
     """A trial on a segment of a log in the hall."""
     world = {"log": str(log), "map": str(log.with_name("hall.yaml")), "segment": 1.0}
-    return Trial(
-        scenario="log", world=world | {"every": "0.05m,2deg"}, localizer="dead-reckoning",
-        params=(), lag=0, seed=0, trial=number
-    )  # fmt: skip
+    world["every"] = "0.05m,2deg"
+    return trial_of("dead-reckoning", number, scenario="log", world=world, lag=0)
 
 
 def test_a_segment_of_a_log_has_the_times_of_its_own_records(hall, tmp_path):
@@ -239,10 +234,7 @@ def test_run_writes_the_same_numbers_with_and_without_it(tmp_path):
 
 
 def test_a_run_that_is_stopped_leaves_no_file(tmp_path):
-    trial = Trial(
-        scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=1, trial=0
-    )
-    stage = Stage.of(trial)
+    stage = Stage.of(trial_of("mcl", 0, scenario="guided", params={"particles": 20}, lag=0))
     with showing(tmp_path / "a.mcap", {"mcl": stage.moments()}, stage) as rows:
         next(rows)
         assert len([*tmp_path.iterdir()]) == 1
@@ -259,9 +251,7 @@ def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
     ("command", "name", "words"),
     [(RUN, "a.bag", ["--mcap", "a.bag", ".mcap"]), (REPLAY, "lap.mcap", ["exists already"])],
 )
-def test_a_command_refuses_it_in_one_sentence_and_writes_nothing(
-    hall, tmp_path, command, name, words, capsys
-):
+def test_a_command_refuses_it_and_writes_nothing(hall, tmp_path, command, name, words, capsys):
     (tmp_path / "lap.mcap").touch()
     assert exit_code(*command, "--mcap", name, "--out", "out") == 2
     lines = capsys.readouterr().err.splitlines()

@@ -16,9 +16,7 @@ LINE = re.compile(
 )
 
 
-def test_each_minute_a_line_says_what_is_done_and_how_long_the_rest_takes(
-    tmp_path, monkeypatch, capsys
-):
+def test_each_minute_a_line_says_what_is_done_and_what_is_left(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(running, "MINUTE", 0.05)
     with counted(tmp_path / "night", 4, 3) as count:
         time.sleep(0.2)

@@ -145,7 +145,7 @@ def test_trials_of_other_code_are_not_run_again_which_costs_their_animation_only
     assert "No animation: code, libraries or a plug-in were changed since" in page
 
 
-def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs_nothing(
+def test_a_report_written_anew_has_the_folders_animations_and_runs_nothing(
     given, tmp_path, monkeypatch
 ):
     out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"

@@ -36,7 +36,6 @@ RELATIONS = [
 
 
 def relations(records):
-    """How each method stands, by label."""
     rows = panel_of(records).ranked
     return dict(zip(rows["label"], rows["relation"], strict=True))
 

@@ -12,19 +12,10 @@ from benchmarks.setup.names import scenario
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import Office
+from localizers import PoseBelief
 
 RADIUS, CELL = 0.25, 0.1
 NEAR = 3.0 * 2.0**-10  # m: float32 commands along 60 m, and the skin
-
-
-class Sure:
-    """A belief in one pose."""
-
-    def __init__(self, pose):
-        self.pose = np.array([pose], float)
-
-    def points(self, offset=0):
-        return self.pose, np.ones(1)
 
 
 def trial(name, number=0, **kwargs):
@@ -153,7 +144,7 @@ def test_an_agent_that_is_told_the_truth_arrives_without_contact_by_free_space(a
     room, info, driver = driving(number, agent)
     touched, ended = 0, False
     while not ended:
-        action, plan = driver.act(Sure(info["truth"]), info)
+        action, plan = driver.act(PoseBelief(info["truth"]), info)
         assert contacts(room, info["truth"], np.vstack([action, plan])) == 0
         *_, done, given_up, info = room.step(action)
         ended = done or given_up
@@ -170,7 +161,7 @@ def test_an_agent_that_believes_anything_acts_and_plans_through_free_space():
     free = room.floor_plan.free(believed, RADIUS + 0.05 + CELL)
     assert 5 < free.sum() < 35
     for pose, clear in zip(believed, free, strict=True):
-        action, plan = driver.act(Sure(pose), info)
+        action, plan = driver.act(PoseBelief(pose), info)
         assert room.action_space.contains(np.asarray(action, np.float32))
         assert not clear or contacts(room, pose, np.vstack([action, plan])) == 0
 

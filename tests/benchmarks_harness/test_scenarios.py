@@ -7,12 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 from refusals import refused
+from report_cases import TURNER
 
 from benchmarks.report.films import camera_of
-from benchmarks.setup.names import (
-    make_agent,
-    scenario,
-)
+from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.priors import Places
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.spec import Trial
@@ -175,21 +173,11 @@ sd_position = 0.3
 [thresholds]
 lost = 2.0
 """
-AGENT = """
-import numpy as np
-class Turner:
-    def __init__(self, robot):
-        self.robot = robot
-    def plan_at_reset(self, info):
-        return None
-    def act(self, belief, info):
-        return np.array([0.0, 0.1], np.float32), None
-"""
 
 
 @pytest.fixture
 def room(tmp_path):
-    (tmp_path / "agent.py").write_text(AGENT)
+    (tmp_path / "agent.py").write_text(TURNER)
     path = tmp_path / "room.toml"
     path.write_text(ROOM)
     return path

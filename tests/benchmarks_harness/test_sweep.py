@@ -30,7 +30,6 @@ def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
 
 
 def run(trials, out):
-    """Run trials; return the store and the trials by key."""
     made = provenance_of(trials)
     named = {made.key(trial): trial for trial in trials}
     with writing(out) as store:
@@ -39,7 +38,6 @@ def run(trials, out):
 
 
 def reasons(store, keys):
-    """Why trials failed; None of those that did not."""
     return [store.failure(key) for key in keys]
 
 
@@ -69,8 +67,6 @@ def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
 
 
 class Sure:
-    """Believes in one pose."""
-
     POSE = (1.0, 2.0, 0.0)
 
     def __init__(self, robot):
@@ -105,9 +101,7 @@ def broken(call, **methods):
         (lambda robot: sys.exit(0), "SystemExit: 0"),
     ],
 )
-def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_are_kept(
-    tmp_path, monkeypatch, made, reason
-):
+def test_a_localizer_that_fails_fails_its_own_trials_alone(tmp_path, monkeypatch, made, reason):
     with localizers.registered("bad", made):
         bad, good = reasons(*run(suite(["bad", "dead-reckoning"], trials=1), tmp_path))
     assert reason in bad
@@ -130,9 +124,7 @@ def errors(results):
     return results.table.loc[results.table["offset"] == 0, "error"].tolist()
 
 
-def test_a_class_that_was_changed_in_memory_is_not_taken_for_the_one_of_the_results(
-    tmp_path, monkeypatch
-):
+def test_a_class_changed_in_memory_is_not_taken_for_that_of_the_results(tmp_path, monkeypatch):
     with localizers.registered("sure", Sure):
         (own,) = errors(swept(tmp_path))
         assert [own] == errors(swept(tmp_path))

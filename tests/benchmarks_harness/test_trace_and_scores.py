@@ -170,9 +170,7 @@ def test_a_record_without_a_score_is_refused():
         (12, Thresholds(lost_steps=19), 1.0),  # 12 · 80 / 19 = 50.5
     ],
 )
-def test_a_trial_is_lost_if_its_last_states_are_on_average_further_off_than_the_threshold(
-    astray, thresholds, lost
-):
+def test_a_trial_is_lost_if_its_last_states_are_far_off_on_average(astray, thresholds, lost):
     def off(state, offset):
         return truth_of(state)[None] + [80.0 * (state > 40 - astray), 0, 0], np.ones(1)
 

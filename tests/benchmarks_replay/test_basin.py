@@ -29,7 +29,6 @@ assumed.prior.angle = [0.0, {RIGHT_ANGLE}]
 
 
 def swept(text):
-    """The exit code of a sweep with this file; it writes to out."""
     with open("starts.toml", "w", encoding="utf-8") as file:
         file.write(text)
     return exit_code("sweep", "starts.toml", "--jobs", "1", "--out", "out")
@@ -107,9 +106,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("text", "named"), BAD)
-def test_what_cannot_be_asked_is_refused_in_one_sentence_and_nothing_is_written(
-    recorded, text, named, capsys
-):
+def test_what_cannot_be_asked_is_refused_and_nothing_is_written(recorded, text, named, capsys):
     assert swept(text) == 2
     said = capsys.readouterr().err.splitlines()[-1]
     assert [word for word in named if word not in said] == [], said

@@ -127,7 +127,7 @@ def largest_errors(tmp_path, cells, name, power, **params):
 
 @pytest.mark.parametrize("power", [0.05, 0.02])  # of the two real logs
 @pytest.mark.parametrize(("cells", "off"), [(STRAY, 0.2), (SPECKLED, 1.0)])
-def test_cells_that_are_not_there_cost_the_charge_of_the_paper_dearly_and_the_default_nothing(
+def test_cells_that_are_not_there_cost_the_papers_charge_but_not_the_default(
     tmp_path, cells, off, power
 ):
     blind, default, paper = (

@@ -1,4 +1,4 @@
-"""Faults that are planted into a log are told with their numbers; a sound log has none."""
+"""What is wrong with a log or a map: planted faults are told with their sizes and places."""
 
 import math
 import re
@@ -6,17 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deqmcl_command import exit_code
+from deqmcl_command import exit_code, lines
 from hall import recorded_in_a_hall, write_lap
 
 from benchmarks.robots.calibration import doubts_of
 from benchmarks.robots.played import replay_of
+from benchmarks.robots.residuals import HIT, THROUGH, Residuals
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import dead_reckoned, increments_of
 
 
 @pytest.fixture(scope="module")
-def lap():
+def rounds():
     """The hall, and rounds in it, the last ones backwards; wheels and ranges have some noise."""
     hall, short = recorded_in_a_hall(steps=1)
     rng, at = np.random.default_rng(0), np.linspace(0, 12 * np.pi, 500)
@@ -37,7 +38,6 @@ def mounted(log, ahead, left, turn):
 
 
 def wheeled(log, distance, turn, veer):
-    """The log with odometry of wrong wheels."""
     told = increments_of(log.odometry) / [distance, distance, turn]
     told[:, 2] -= veer * np.abs(told[:, 0])
     return replace(log, odometry=dead_reckoned(told, log.odometry[0]))
@@ -57,30 +57,116 @@ def wheeled(log, distance, turn, veer):
         (lambda log: wheeled(log, 1, 1, math.radians(5)), 0.0, ["veers 5."]),
     ],
 )
-def test_a_planted_fault_is_told_with_its_size_and_nothing_else(
-    lap, tmp_path, monkeypatch, fault, late, words
-):
-    monkeypatch.chdir(tmp_path)
-    hall, log = lap
-    write_lap((hall, fault(log)), tmp_path)
+def test_a_planted_fault_alone_is_told_with_its_size(rounds, here, fault, late, words):
+    hall, log = rounds
+    write_lap((hall, fault(log)), here)
     logs.Trajectory(log.times + late, log.reference).write("lap.tum")
     told = doubts_of(replay_of("lap.csv", "hall.yaml", reference="lap.tum").scenario)
     assert len(told) == bool(words), told
     assert [word for word in words if word not in told[0]] == []
 
 
-def test_a_reference_whose_stamps_are_no_records_tells_of_no_wheels(lap, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_lap(lap, tmp_path)
-    logs.Trajectory(lap[1].times[::5] + 0.1, lap[1].reference[::5]).write("lap.tum")
+def test_a_reference_whose_stamps_are_no_records_tells_of_no_wheels(rounds, here):
+    write_lap(rounds, here)
+    logs.Trajectory(rounds[1].times[::5] + 0.1, rounds[1].reference[::5]).write("lap.tum")
     assert doubts_of(replay_of("lap.csv", "hall.yaml", reference="lap.tum").scenario) == []
 
 
-def test_score_tells_of_an_estimate_that_is_late(lap, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    write_lap(lap, tmp_path)
-    logs.Trajectory(lap[1].times + 0.5, lap[1].reference).write("slam.tum")
+def test_score_tells_of_an_estimate_that_is_late(rounds, here, capsys):
+    write_lap(rounds, here)
+    logs.Trajectory(rounds[1].times + 0.5, rounds[1].reference).write("slam.tum")
     for by in (["--log", "lap.csv"], []):
         assert exit_code("score", "slam.tum", "--reference", "lap.tum", *by, "--out", "s") == 0
         told = re.search(r"Warning: slam seems ([\d.]+) s .* late", capsys.readouterr().err)
         assert float(told[1]) == pytest.approx(0.5, abs=0.02)
+
+
+GONE, NEW = (slice(28, 40), slice(54, 60)), (slice(40, 46), slice(66, 72))  # cells of the hall
+
+
+@pytest.fixture(scope="module")
+def wrong(lap):
+    """The hall on a map that lacks a wall of it, and has a box that is not there."""
+    cells = lap[0].occupancy.copy()
+    cells[GONE], cells[NEW] = 0, 100
+    return replace(lap[0], occupancy=cells)
+
+
+def residuals_of(floor_plan, log, poses=None):
+    at = log.reference if poses is None else poses
+    return Residuals(floor_plan, log.scanner, at, log.ranges)
+
+
+def off(place, cells):
+    """Distance of a place's centre from a block of cells, in m."""
+    (rows, columns), resolution = cells, 0.05
+    nearest = (
+        np.clip(place.x, resolution * columns.start, resolution * columns.stop),
+        np.clip(place.y, resolution * rows.start, resolution * rows.stop),
+    )
+    return math.hypot(place.x - nearest[0], place.y - nearest[1])
+
+
+def test_a_map_that_is_right_has_no_wrong_place(lap):
+    assert residuals_of(*lap).places == []
+
+
+def test_a_missing_wall_is_hit_in_free_space_and_a_wall_too_many_is_seen_through(lap, wrong):
+    places = residuals_of(wrong, lap[1]).places
+    assert {place.kind for place in places} == {HIT, THROUGH}
+    for place in places:
+        # sensor noise of 0.02 m, cells of 0.1 m
+        assert off(place, GONE if place.kind == HIT else NEW) <= 0.1 + 4 * 0.02
+        assert place.poses >= 3
+        assert 0.5 <= place.share <= 1
+        assert place.at.size == place.cells
+
+
+def test_places_are_ranked_by_evidence_and_a_blurred_map_is_told_from_things_that_moved(lap, wrong):
+    _, log = lap
+    found = residuals_of(wrong, log)
+    evidence = [place.evidence for place in found.places]
+    assert evidence == sorted(evidence, reverse=True)
+    assert min(evidence) > 0
+    half = residuals_of(wrong, log.of_records(slice(0, 30)))
+    assert max(evidence) > max(place.evidence for place in half.places)  # fewer poses tell less
+    assert "gathered, so things have moved" in found.said
+    assert "All returns fit" in residuals_of(*lap).said
+    poses = log.reference + np.random.default_rng(0).normal(0, [0.08, 0.08, 0], log.reference.shape)
+    assert "at walls everywhere" in residuals_of(lap[0], log, poses).said
+
+
+def test_one_pose_is_no_evidence_however_often_it_looks(lap, wrong):
+    _, log = lap
+    assert residuals_of(wrong, log).places
+    still = log.of_records(np.full(200, 30))
+    assert residuals_of(wrong, still).places == []
+
+
+def test_scans_of_a_robot_that_is_lost_are_not_used(lap):
+    hall, log = lap
+    poses = np.tile([0.4, 3.0, 0.3], (len(log), 1))
+    residuals = residuals_of(hall, log, poses)
+    assert not residuals.used.any()
+    assert residuals.places == []
+
+
+def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, here, capsys):
+    _, log = lap
+    wrong.save("wrong.yaml")
+    logs.Trajectory(log.times, log.reference).write("lap.tum")
+    logs.write(replace(log, reference=None), "lap.csv")
+    log_and_map = ["lap.csv", "--map", "wrong.yaml", "--reference", "lap.tum", "--out", "o"]
+    how = ["--every", "0.1m,5deg", "--set", "assumed.scan.sigma=0.05", "--seeds", "1", "--jobs=1"]
+    words = ["replay", *log_and_map, *how, "--localizers", "mcl", "--particles", "1000"]
+    assert exit_code(*words, "--residuals") == 0
+    said = capsys.readouterr().out
+    kinds = [line["kind"] for line in lines(here / "o", "residuals.csv")]
+    assert {HIT, THROUGH} == set(kinds), said
+    places = f"{kinds.count(HIT)} place{'' if kinds.count(HIT) == 1 else 's'}"
+    told = f"{places} hit in free space, {kinds.count(THROUGH)} seen through"
+    assert told in said
+    assert (here / "o/residuals.png").read_bytes().startswith(b"\x89PNG")
+    assert "Where is the map wrong?" in (here / "o/report.html").read_text(encoding="utf-8")
+    assert exit_code(*words) == 0  # without the option they go
+    assert not (here / "o/residuals.png").exists()

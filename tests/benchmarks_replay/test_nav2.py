@@ -133,7 +133,6 @@ def test_a_bad_file_is_refused_in_one_sentence(params, old, new, named):
 
 
 def of_amcl(path, *lines):
-    """A file whose node amcl has these lines."""
     path.write_text("amcl:\n  ros__parameters:\n" + "".join(f"    {line}\n" for line in lines))
     return path
 
@@ -171,9 +170,7 @@ def test_what_nav2_ignores_of_the_start_is_a_note(tmp_path, lines, told):
         ("set_initial_pose", "true", "'yes'", "a bool"),
     ],
 )
-def test_a_value_of_a_type_that_nav2_refuses_is_taken_with_a_note(
-    tmp_path, name, right, wrong, kind, quoted
-):
+def test_a_value_of_a_wrong_type_is_taken_with_a_note(tmp_path, name, right, wrong, kind, quoted):
     lines = {"set_initial_pose": "true", name: right}
     expected = read_nav2(of_amcl(tmp_path / "x.yaml", *(f"{n}: {v}" for n, v in lines.items())))
     lines[name] = f'"{right}"' if quoted else wrong
@@ -195,9 +192,7 @@ def test_a_turn_above_half_a_circle_is_taken_with_a_note(tmp_path):
 
 
 @pytest.mark.parametrize("value", ["$(var x)", "$(find-pkg-share a)/b", '"$(env X $(var y))"'])
-def test_a_launch_substitution_is_refused_if_the_filter_needs_it_and_has_no_default(
-    tmp_path, value
-):
+def test_a_launch_substitution_that_is_needed_and_has_no_default_is_refused(tmp_path, value):
     given = read_nav2(of_amcl(tmp_path / "x.yaml", "pf_z: $(env  X '0.9')"))
     assert given.params == {**usual_params(), "pf_z": 0.9}
     assert "pf_z " in given.notes[0]
@@ -242,7 +237,7 @@ PARTS = st.lists(st.sampled_from(["*", "**", "amcl", "a", "b"]), min_size=1, max
     st.lists(st.sampled_from(["a", "b"]), max_size=3),
     st.randoms(use_true_random=False),
 )
-def test_all_nodes_and_wildcards_that_fit_are_applied_in_their_order(
+def test_nodes_and_wildcards_that_fit_are_applied_in_order(
     tmp_path_factory, patterns, namespace, random
 ):
     name = "/".join(["", *namespace, "amcl"])
@@ -297,9 +292,7 @@ def test_wildcards_alone_have_the_amcl_that_most_of_them_fit(tmp_path, nodes, na
     assert read_nav2(path, name).params["pf_z"] == 0.8
 
 
-def test_a_wildcard_that_overrides_amcl_is_told_and_a_typing_error_is_not_taken_for_its_node(
-    tmp_path,
-):
+def test_a_wildcard_that_overrides_amcl_is_told_and_a_typing_error_is_no_node(tmp_path):
     path = tmp_path / "x.yaml"
     path.write_text(
         "amcl: {ros__parameters: {pf_z: 0.9, z_hit: 0.4}}\n"
@@ -321,9 +314,8 @@ def test_a_missing_file_or_node_is_refused(params, tmp_path):
 
 
 @pytest.fixture
-def recorded(tmp_path, monkeypatch):
+def recorded(here):
     """The current folder, with a room of cells and what a robot that stood in it saw."""
-    monkeypatch.chdir(tmp_path)
     cells = np.zeros((60, 80), np.int8)
     cells[[0, -1]] = cells[:, [0, -1]] = cells[20:30, 40:50] = 100
     room = GridMap(occupancy=cells, resolution=0.05)
@@ -423,9 +415,7 @@ def test_several_files_are_rows_of_one_table_compared_with_the_first(recorded, c
         (["--start=1.2,1,0.1", "--particles", "20", "--set", "assumed.motion.alpha1=0.5"], None),
     ],
 )
-def test_replay_says_in_which_parameters_amcl_differs_from_the_file(
-    params, recorded, capsys, words, told
-):
+def test_replay_says_where_amcl_differs_from_the_file(params, recorded, capsys, words, told):
     command = ["replay", "x.csv", "--map", "room.yaml", "--nav2", str(params()), "--seeds", "1"]
     poses = logs.read_tum("x.tum").poses
     logs.Trajectory(np.arange(30.0), poses - np.array([0.1, 0, 0])).write("far.tum")

@@ -28,7 +28,6 @@ WHOLE = ("--reference", "lap.tum", "--log", "lap.csv", "--map", "hall.yaml")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a hall, a lap in it and a replay of it."""
     at = tmp_path_factory.mktemp("score")
     write_lap(recorded_in_a_hall(steps=40), at)
     with pytest.MonkeyPatch.context() as patch:

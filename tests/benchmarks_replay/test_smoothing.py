@@ -77,7 +77,6 @@ def test_a_stretch_that_the_map_does_not_explain_is_named_and_left_out(recorded,
 
 
 def frozen(log):
-    """The log with the scans of a driver that repeats its first."""
     return np.broadcast_to(log.ranges[0], log.ranges.shape)
 
 

@@ -39,7 +39,6 @@ motion.alpha1 = { low = 0.05, high = 0.5 }
 
 @pytest.fixture(scope="module")
 def hall(tmp_path_factory):
-    """A folder with a hall and a lap in it."""
     at = tmp_path_factory.mktemp("tune")
     write_lap(recorded_in_a_hall(steps=60), at)
     (at / "space.toml").write_text(SPACE)
@@ -48,7 +47,6 @@ def hall(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def folder(hall):
-    """The folder with a search on the lap."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(hall)
         searched("whole", "--candidates", "22")
@@ -77,7 +75,6 @@ def searched(out, *words, space=None, log=None):
 
 
 def told(folder):
-    """What a search found, but for times."""
     tried = lines(folder, "candidates.csv")
     for row in tried:
         del row["ms_per_step"]
@@ -206,7 +203,7 @@ def among_two_kinds(folder, score, *more, name="Stated"):
         ("log-score", "near and sure"),  # as its covariance is calibrated
     ],
 )
-def test_a_belief_is_judged_by_its_own_quality_but_by_a_covariance_that_is_calibrated(
+def test_a_belief_is_judged_by_its_quality_and_calibrated_covariance(
     before, tmp_path, score, winner
 ):
     assert among_two_kinds(tmp_path, score) == 0
@@ -229,9 +226,7 @@ def test_a_winner_whose_region_holds_less_than_that_of_the_default_is_warned_of(
 @pytest.mark.parametrize(
     ("score", "lacking"), [("false-commitment", "quality"), ("log-score", "spread")]
 )
-def test_a_score_that_a_belief_has_nothing_for_is_refused_before_anything_runs(
-    before, tmp_path, capsys, score, lacking
-):
+def test_a_score_that_a_belief_has_nothing_for_is_refused(before, tmp_path, capsys, score, lacking):
     words = (*COMMAND, "--reference", "lap.tum", "--localizer", "dead-reckoning", "--score", score)
     words += ("--set", "assumed.scan.power=0.2", "--candidates", "2")
     (tmp_path / "kinds.toml").write_text("scan.sigma = [0.1, 0.2]\nonly = true\n")

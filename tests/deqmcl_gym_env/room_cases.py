@@ -7,6 +7,7 @@ import numpy as np
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 
+ROOM_ID = "deqmcl_gym:deqmcl_gym/Room-v0"
 STILL = {"drive": 0.0, "turn": 0.0, "drift": 0.0}  # no motion noise
 
 PAPER = {
@@ -41,8 +42,15 @@ WORLD = {
 SMALL = {"wings": 1, "corridors": 1}
 
 
+def hall(scale=1) -> np.ndarray:
+    """Cells of 5 cm: a hall of 4.4 by 3.4 m with a pillar, around which the lap goes."""
+    cells = np.pad(np.zeros((66, 86), np.int8), 1, constant_values=100)
+    cells[28:40, 28:60] = 100
+    cells[55:, 75:] = -1
+    return np.kron(cells, np.ones((scale, scale), np.int8))
+
+
 def calm(**kwargs) -> RoomEnv:
-    """A RoomEnv without motion noise, begun with seed 0."""
     env = RoomEnv(noise=STILL, **kwargs)
     env.reset(seed=0)
     return env
@@ -58,7 +66,6 @@ WRAPPED = {
 
 
 def drive(env, actions) -> list[tuple]:
-    """What ``env.step`` says to each action."""
     return [env.step(np.asarray(action, np.float32)) for action in actions]
 
 
@@ -78,7 +85,6 @@ def poses_of(env, actions) -> np.ndarray:
 
 
 def wrapped(angles):
-    """Angles in [-π, π)."""
     return (np.asarray(angles) + math.pi) % (2 * math.pi) - math.pi
 
 

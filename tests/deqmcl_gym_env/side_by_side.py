@@ -11,7 +11,6 @@ TO_THE_BIT: dict[str, float] = {}
 
 
 def both(name: str, rooms: int, mode: str = "NextStep", **kwargs):
-    """The native vector env, and Gymnasium's around single ones."""
     native = gym.make_vec(name, num_envs=rooms, autoreset_mode=mode, **kwargs)
     loop = gym.make_vec(
         name, num_envs=rooms, vectorization_mode="sync",

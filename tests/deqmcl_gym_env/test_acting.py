@@ -6,6 +6,7 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
+from believing import Believes
 from room_cases import SMALL
 
 import deqmcl_gym  # noqa: F401
@@ -41,31 +42,14 @@ def test_an_office_is_drawn_in_the_range_by_the_seed_of_the_reset_and_all_is_mad
     assert all(10 <= seed < 30 for seed in drawn)
 
 
-class Believer:
-    """Believes in the poses of ``said``, one after the other, then in the last one."""
-
-    def __init__(self, *said, shares=None):
-        self.said, self.shares, self.at = said, shares, 0
-
-    def reset(self, prior, plan, rng):
-        self.at = 0
-        return self._belief()
-
-    def update(self, ranges, action, plan):
-        self.at += 1
-        return self._belief()
-
-    def _belief(self):
-        return PointsBelief(self.said[min(self.at, len(self.said) - 1)], self.shares)
-
-
 class At:
     def sample(self, n, rng):
         return np.tile(THERE, (n, 1))
 
 
 def localize(*said, shares=None, **task):
-    site = Site(WORLD, Believer(*said, shares=shares), At())
+    believer = Believes(*(PointsBelief(poses, shares) for poses in said))
+    site = Site(WORLD, believer, At())
     env = LocalizeEnv(site, hold=3, max_steps=20, **task)
     env.reset(seed=0)
     return env
@@ -137,7 +121,7 @@ def track(goal_off, **task):
         def sample(self, n, rng):
             return np.array([THERE, off(goal_off)[0]])
 
-    site = Site(WORLD, Believer(off()), Ends())
+    site = Site(WORLD, Believes(PointsBelief(off())), Ends())
     env = TrackEnv(site, GaussianPrior, least=0.0, max_steps=20, **task)
     env.reset(seed=0)
     return env
@@ -177,14 +161,14 @@ def test_the_prior_of_a_drive_is_where_the_start_is_drawn_from():
     """Squared errors of 300 starts over their variances: χ² with 900 degrees of freedom."""
     given = []
 
-    class Recorded(Believer):
+    class Recorded(Believes):
         def reset(self, prior, plan, rng):
             given.append(prior)
             return super().reset(prior, plan, rng)
 
     around = partial(GaussianPrior, sd_position=5.0, sd_heading=0.1)
     anywhere = UniformPrior(floor_plan=PAPER_ROOM, radius=12.0)
-    env = TrackEnv(Site(WORLD, Recorded(off()), anywhere), around, least=150.0)
+    env = TrackEnv(Site(WORLD, Recorded(PointsBelief(off())), anywhere), around, least=150.0)
     errors = []
     for seed in range(300):
         _, info = env.reset(seed=seed)

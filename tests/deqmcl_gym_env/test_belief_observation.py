@@ -5,7 +5,8 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
-from room_trace import ROOM_ID
+from believing import Believes
+from room_cases import ROOM_ID
 
 import deqmcl_gym  # noqa: F401
 from deqmcl_gym.envs.belief import BeliefObservation
@@ -52,23 +53,12 @@ def test_the_belief_is_that_of_the_localizer_run_by_hand(observation):
     assert (again[0] != again[1]).any()  # each episode draws anew
 
 
-class Known:
-    """Believes in given weighted poses, about ±π in heading."""
-
-    quality = None
-
-    def reset(self, prior, plan, rng):
-        belief = PointsBelief([(0, 0, 3.0), (2, 0, -3.0)], [1, 3])
-        if self.quality is not None:
-            belief.quality = self.quality
-        return belief
-
-    def update(self, ranges, action, plan):
-        return self.reset(None, None, None)
+def about_half_a_turn():
+    return PointsBelief([(0, 0, 3.0), (2, 0, -3.0)], [1, 3])
 
 
 def test_moments_and_entropy_of_a_belief_computed_by_hand():
-    seen, _ = BeliefObservation(sharp(), Known(), PRIOR).reset(seed=0)
+    seen, _ = BeliefObservation(sharp(), Believes(about_half_a_turn()), PRIOR).reset(seed=0)
     a, b = 1 * np.exp(3.0j), 3 * np.exp(-3.0j)
     heading = np.angle(a + b)
     off = np.angle(np.exp(1j * (np.array([3.0, -3.0]) - heading)))
@@ -83,19 +73,15 @@ def test_moments_and_entropy_of_a_belief_computed_by_hand():
 
 
 def test_a_quality_is_shown_where_there_is_one():
-    localizer = Known()
-    localizer.quality = 0.25
-    env = BeliefObservation(sharp(), localizer, PRIOR)
+    (belief := about_half_a_turn()).quality = 0.25
+    env = BeliefObservation(sharp(), Believes(belief), PRIOR)
     assert env.reset(seed=0)[0]["quality"] == np.float32([0.25])
     assert env.observation_space["quality"] == gym.spaces.Box(0.0, 1.0, (1,))
 
 
 def test_clusters_particles_and_occupancy_of_a_belief_computed_by_hand():
-    class Apart(Known):
-        def reset(self, prior, plan, rng):
-            return PointsBelief([(10, 10, 0.0), (12, 10, 0.0), (300, 160, 1.0)], [2, 1, 1])
-
-    env = BeliefObservation(sharp(), Apart(), PRIOR, particles=200, cell=100.0)
+    apart = Believes(PointsBelief([(10, 10, 0.0), (12, 10, 0.0), (300, 160, 1.0)], [2, 1, 1]))
+    env = BeliefObservation(sharp(), apart, PRIOR, particles=200, cell=100.0)
     seen, _ = env.reset(seed=0)
     np.testing.assert_allclose(seen["best"], (32 / 3, 10, 0), atol=1e-5)
     np.testing.assert_allclose(seen["second"], (300, 160, 1), rtol=1e-6)
@@ -111,23 +97,17 @@ def test_clusters_particles_and_occupancy_of_a_belief_computed_by_hand():
 
 def test_particles_are_drawn_from_weights_whatever_their_sum():
     """The harness takes sums within 1e-3 of 1: so do the envs."""
-
-    class Careless(Known):
-        def reset(self, prior, plan, rng):
-            belief, scale = PointsBelief([(10, 10, 0.0), (300, 160, 1.0)]), self.scale
-            belief.points = lambda offset=0: (np.array([(10.0, 10, 0), (300, 160, 1)]), scale)
-            return belief
-
-    seen = []
+    seen, poses = [], np.array([(10.0, 10, 0), (300, 160, 1)])
     for total in (1.0, 1.0 + 1e-6):
-        (localizer := Careless()).scale = np.array([0.5, 0.5]) * total
-        env = BeliefObservation(sharp(), localizer, PRIOR, particles=20)
+        belief = PointsBelief(poses)
+        belief.points = lambda offset=0, w=0.5 * total: (poses, np.array([w, w]))
+        env = BeliefObservation(sharp(), Believes(belief), PRIOR, particles=20)
         seen.append(env.reset(seed=0)[0]["particles"])
     np.testing.assert_array_equal(*seen)
 
 
 def test_a_single_cluster_has_a_second_without_a_share():
-    seen, _ = BeliefObservation(sharp(), Known(), PRIOR).reset(seed=0)
+    seen, _ = BeliefObservation(sharp(), Believes(about_half_a_turn()), PRIOR).reset(seed=0)
     assert (seen["best_share"], seen["second_share"]) == (1, 0)
     np.testing.assert_array_equal(seen["second"], seen["best"])
 

@@ -6,6 +6,7 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
+from believing import Believes
 from refusals import refused
 from room_cases import SMALL
 
@@ -47,7 +48,6 @@ def made(name, **kwargs):
 
 
 def driven(env, seed, steps=6):
-    """The infos and observations of some steps."""
     seen, info = env.reset(seed=seed)
     said = [(seen, info)]
     for _ in range(steps):
@@ -179,14 +179,8 @@ def test_rooms_and_logs_tell_success_at_the_end_only_alone_and_together():
 
 
 def test_a_belief_off_the_map_reads_the_bound_and_filters_turns_are_wrapped():
-    class Far:
-        def reset(self, prior, plan, rng):
-            return localizers.PointsBelief([(-9e4, 170, 7.0), (9e4, 170, 7.0)])
-
-        def update(self, ranges, action, plan):
-            return self.reset(None, None, None)
-
-    env = BeliefObservation(gym.make("deqmcl_gym/Sharp-v0"), Far(), None, particles=8)
+    far = Believes(localizers.PointsBelief([(-9e4, 170, 7.0), (9e4, 170, 7.0)]))
+    env = BeliefObservation(gym.make("deqmcl_gym/Sharp-v0"), far, None, particles=8)
     seen, _ = env.reset(seed=0)
     assert seen in env.observation_space
     np.testing.assert_allclose(seen["particles"][:, 2], 7.0 - 2 * math.pi, atol=1e-6)

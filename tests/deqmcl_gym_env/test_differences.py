@@ -44,7 +44,6 @@ def begun(seed=0, **kwargs):
 
 
 def there(env):
-    """The map of what is there."""
     return env._begun.there.world.floor_plan
 
 
@@ -148,9 +147,11 @@ def test_more_adds_to_what_less_has(world, part, key, less, more):
         assert many.sum() > few.sum()
 
 
-def test_clutter_stands_where_it_is_asked_to():
+def test_as_many_things_as_are_asked_for_stand_where_they_are_asked_to():
     env = begun(1, **ROOM, clutter={"number": 12, "where": "walls", "round": 1.0})
-    for thing in there(env).obstacles[1:]:
+    _, *things = there(env).obstacles
+    assert len(things) == 12
+    for thing in things:
         corners = np.array(thing)
         size = math.dist(corners[0], corners[8]) / 2
         assert env.floor_plan.distance([corners.mean(axis=0)])[0] <= size + 1e-3

@@ -8,8 +8,7 @@ import pytest
 from generated import worlds
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
-from room_cases import STILL
-from room_trace import ROOM_ID
+from room_cases import ROOM_ID, STILL
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.validation import InputError
@@ -19,7 +18,6 @@ ROOM = {"outer": [[0, 0], [350, 0], [350, 300], [0, 300]]}
 
 
 def made(**world) -> RoomEnv | None:
-    """The environment, or None if it is refused as it should be."""
     try:
         env = RoomEnv(**world)
         env.reset(seed=0)

@@ -1,12 +1,16 @@
-"""Turn, then drive straight; stop at the first contact; drive away again."""
+"""Turn, then drive straight; stop at the first contact; among polygons and in cells."""
 
 import math
 
 import numpy as np
 import pytest
 import reference
-from room_cases import PAPER, SEVERAL, SPIKE, STILL, wrapped
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from room_cases import PAPER, ROOM_ID, SEVERAL, SPIKE, STILL, hall, wrapped
+from side_by_side import both, run_beside
 
+from deqmcl_gym import GridMap
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.world.config import SKIN
@@ -71,3 +75,62 @@ def test_the_robot_never_overlaps_a_wall_on_thousands_of_noisy_steps(plan):
     walls = PolygonMap(**plan).walls
     assert reference.clearance(walls, poses[:-1], poses[1:]).min() > 8.0  # on the way, too
     assert (reference.winding(walls, poses) == 1).all()  # inside the room, in no obstacle
+
+
+WAYPOINTS = ((1.0, 1.0), (3.4, 1.0), (3.4, 2.4), (1.0, 2.4))
+
+
+def test_a_beam_through_transparent_cells_and_out_of_the_map_reads_its_limit():
+    cells, pose = hall(), (4.0, 1.0, math.pi / 2)  # towards the unknown corner
+    cells[-1, 75:] = -1
+    found = {}
+    for unknown in ("obstacle", "transparent"):
+        grid = GridMap(occupancy=cells, resolution=0.05, unknown=unknown)
+        env = RoomEnv(
+            floor_plan=grid, lap={"waypoints": WAYPOINTS}, start={"pose": pose},
+            lidar={"beams": 1, "sigma": 1e-9, "max_range": 8.0},
+        )  # fmt: skip
+        found[unknown] = env.reset(seed=0)[0][0]
+    assert found == {"obstacle": pytest.approx(55 * 0.05 - 1.0), "transparent": 8.0}
+
+
+@pytest.mark.parametrize(("yaw", "unknown"), [(0.0, "obstacle"), (0.6, "transparent")])
+def test_many_rooms_in_it_are_as_many_single_ones(yaw, unknown):
+    grid = GridMap(occupancy=hall(), resolution=0.05, origin=(0, 0, yaw), unknown=unknown)
+    corners = tuple(map(tuple, grid.placed(20 * np.array(WAYPOINTS)).tolist()))
+    world = {"lap": {"waypoints": corners}, "robot": {"max_distance": 0.5}}
+    envs = both(ROOM_ID, 3, floor_plan=grid, **world)
+    contacts, _ = run_beside(envs, steps=300, planned=0.3, seed=1)
+    assert contacts > 50
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["obstacle", "transparent"]))
+def test_a_step_collides_where_the_map_says_so_and_stops_just_before(seed, unknown):
+    """What the map says of drives that end within 1e-6 m of a wall is left to rounding."""
+    rng = np.random.default_rng(seed)
+    grid = GridMap(occupancy=hall(), resolution=0.05, unknown=unknown)
+    robot = {"max_distance": 1.0, "max_turn": math.pi}
+    env = RoomEnv(floor_plan=grid, lap={"waypoints": WAYPOINTS}, noise=STILL, robot=robot)
+    env.reset(seed=0)
+    radius, hits = env.world.robot.radius, 0
+    for _ in range(60):
+        x, y, heading = env.pose
+        distance, turn = rng.uniform(0, 1), rng.uniform(-3, 3)
+        angle = heading + np.float64(np.float32(turn))
+        driven = np.float64(np.float32(distance))
+        end = (x + driven * math.cos(angle), y + driven * math.sin(angle))
+        sure = [grid.collides([(x, y)], [end], radius + by)[0] for by in (-1e-6, 1e-6)]
+        _, _, ended, _, info = env.step([distance, turn])
+        if sure[0] == sure[1]:
+            assert info["collided"] == sure[0]
+        hits += info["collided"]
+        assert grid.free([env.pose], radius)[0]
+        if info["collided"]:
+            assert grid.distance([env.pose])[0] <= radius + 2e-5 + 1e-6  # the skin
+            assert math.dist((x, y), env.pose[:2]) <= distance + 1e-9
+        else:
+            assert env.pose[:2] == pytest.approx(end, abs=1e-12)
+        if ended:
+            env.reset()
+    assert hits

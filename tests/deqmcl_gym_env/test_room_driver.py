@@ -99,9 +99,7 @@ def test_the_plan_of_the_env_is_the_lap_without_noise_from_the_expected_start():
 
 @pytest.mark.parametrize("start", [{}, {"pose": (60, 280, 1.0)} | NEVER_DRAWN])
 @pytest.mark.parametrize("ends_at_goal", [True, False])
-def test_the_episode_ends_once_round_and_back_along_the_path_with_no_action_left(
-    ends_at_goal, start
-):
+def test_the_episode_ends_once_round_along_the_path_with_no_action_left(ends_at_goal, start):
     env = guided(ends_at_goal=ends_at_goal, start=start)
     path = env.course.path
     for seed in range(20):

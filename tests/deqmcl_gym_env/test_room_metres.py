@@ -1,19 +1,12 @@
 """Rooms in metres are the same rooms; a lidar anywhere on the robot."""
 
-import math
-
-import gymnasium as gym
 import numpy as np
 import pytest
-import reference
-from room_cases import PAPER, SEVERAL, STILL
-from room_trace import ROOM_ID
+from room_cases import PAPER, SEVERAL
 
 import deqmcl_gym  # noqa: F401  # registers the envs
-from deqmcl_gym import logs
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
-from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
@@ -25,14 +18,12 @@ ROUGH = {"drive": 0.3, "turn": 0.3}  # drift is per length, so it is left to the
 
 
 def metres(plan: dict) -> dict:
-    """The same floor plan, in metres."""
     outer = (np.array(plan["outer"]) * M).tolist()
     obstacles = [(np.array(one) * M).tolist() for one in plan.get("obstacles", ())]
     return {"outer": outer, "obstacles": obstacles, "unit": "m"}
 
 
 def assert_alike(px: dict, m: dict) -> None:
-    """What is said in px and in metres: lengths × 0.02, all else the same."""
     near = {"rtol": 0, "atol": CLOSE}
     np.testing.assert_allclose(m["truth"][..., :2] / M, px["truth"][..., :2], **near)
     turned = (m["truth"] - px["truth"])[..., 2]
@@ -105,37 +96,3 @@ def test_sentences_say_the_unit_of_the_map():
     for changed in ({"start": {"pose": (0, 0, 0)}}, {"robot": {"radius": 1.2}}):
         with pytest.raises(InputError, match=r"radius [0-9.]+ m"):
             RoomEnv(floor_plan=metres(PAPER), **changed)
-
-
-def driven(env, steps: int):
-    """Scans, poses and infos of the planned drive."""
-    scan, info = env.reset(seed=4)
-    said = [(scan, info)]
-    for _ in range(steps):
-        scan, *_, info = env.step(info["planned_actions"][0])
-        said.append((scan, info))
-    scans, infos = zip(*said, strict=True)
-    return np.array(scans), np.array([info["truth"] for info in infos]), infos
-
-
-def test_a_room_recorded_with_a_mounting_is_played_back_with_it(tmp_path):
-    place = (-4.0, 6.0)  # px; the robot's radius is 8
-    fan = {"beams": 9, "field_of_view": 2 * math.pi, "sigma": 0.0, "max_range": 1000.0}
-    lidar = fan | {"mounting": place}
-    room = RecordLog(gym.make(ROOM_ID, floor_plan=PAPER, noise=STILL, lidar=lidar))
-    scans, poses, _ = driven(room, 30)
-    logs.write(room.log, tmp_path / "x.csv")
-    back = gym.make("deqmcl_gym/Log-v0", log=tmp_path / "x.csv", map=PAPER)
-    assert back.unwrapped.lidar.mounting == pytest.approx(place)
-    again, truth, infos = driven(back, 30)
-    np.testing.assert_array_equal(again, scans)
-    np.testing.assert_allclose(truth, poses, rtol=0, atol=1e-9)
-    # what the log's lidar would see from the poses that the log tells
-    lidar = back.unwrapped.lidar
-    walls, poses_of_lidar = back.unwrapped.floor_plan.walls, reference.mounted(truth, place)
-    seen = reference.ranges(walls, poses_of_lidar, lidar.bearings)
-    np.testing.assert_allclose(again, seen, rtol=0, atol=1e-2)  # float32, along a slant
-    # without noise the odometry is that of the robot's centre, wherever its lidar is
-    x, y, heading = poses[0]
-    told = logs.motion.dead_reckoned([info["command"] for info in infos[1:]], (x, y, heading))
-    np.testing.assert_allclose(told, poses, rtol=0, atol=1e-3)

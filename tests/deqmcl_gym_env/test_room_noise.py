@@ -1,37 +1,12 @@
 """Noise as documented; a seed means the same everywhere; sources never disturb each other."""
 
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-import room_trace
 from room_cases import calm, drive, poses_of, wrapped
 
-import deqmcl_gym
 from deqmcl_gym.envs.room import RoomEnv
-
-ROOT = Path(deqmcl_gym.__file__).parents[1]
-
-
-def test_another_process_says_the_same_for_200_steps(tmp_path):
-    file = tmp_path / "trace.npz"
-    subprocess.run(  # in a fresh process that only imports gymnasium: the module: form of the id
-        [sys.executable, room_trace.__file__, str(file), "7"],
-        check=True,
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "1"},
-    )
-    here = room_trace.traces(7)
-    assert len(here["paper scans"]) == room_trace.STEPS + 1
-    with np.load(file) as there:
-        assert sorted(there.files) == sorted(here)
-        for key, value in here.items():
-            assert there[key].dtype == value.dtype
-            np.testing.assert_array_equal(there[key], value, err_msg=key)
 
 
 def episode(env: RoomEnv, seed: int | None, steps: int = 30) -> np.ndarray:

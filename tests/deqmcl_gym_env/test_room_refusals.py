@@ -8,8 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
-from room_cases import PAPER, SMALL, WORLD, WRAPPED, calm, drive
-from room_trace import ROOM_ID
+from room_cases import PAPER, ROOM_ID, SMALL, WORLD, WRAPPED, calm, drive
 
 from deqmcl_gym.envs.belief import BeliefObservation
 from deqmcl_gym.envs.room import RoomEnv
@@ -81,19 +80,10 @@ def believing(**kwargs):
     return BeliefObservation(env, make("mcl", robot), UniformPrior(floor_plan=env.floor_plan))
 
 
-def kidnap(step=2, pose=None):
-    return Kidnap(RoomEnv(), step=step, pose=pose)
-
-
-def dropout(probability):
-    return BeamDropout(RoomEnv(), probability)
-
-
 HALL = {"outer": [[0, 0], [300, 0], [300, 300], [0, 300]]}
 
 
 def begun(**kwargs):
-    """A room with an episode begun."""
     RoomEnv(**kwargs).reset(seed=0)
 
 
@@ -116,9 +106,9 @@ MADE = [
     (on_a_route, {"lap": {"waypoints": [(1, 1), (2, 1), (2, 2)]}}, "a route or lap.waypoints"),
     (RoomVectorEnv, {"floor_plan": {"office": {"seeds": [0, 9]}}, "num_envs": 2}, "give a route"),
     (believing, {"floor_plan": {"office": {"seeds": [0, 9]}}}, "take Localize-v0"),
-    (kidnap, {"pose": (150, 150, 0)}, "the pose"),
+    (lambda pose: Kidnap(RoomEnv(), step=2, pose=pose), {"pose": (150, 150, 0)}, "the pose"),
     (partial(Kidnap, gym.Env()), {"step": 1}, "needs deqmcl_gym/Room-v0"),
-    (dropout, {"probability": 1.1}, "from 0 to 1"),
+    (lambda share: BeamDropout(RoomEnv(), share), {"share": 1.1}, "from 0 to 1"),
     (on_a_route, {"observation": "dict", "horizon": 5, "goal": "left"}, "unknown goal 'left'"),
     (RoomEnv, {"plan": "no"}, "plan is 'no'"),
     (RoomEnv, {"plan": False}, 'part of observation="dict" only'),

@@ -1,13 +1,16 @@
 """Many rooms say what as many single environments on pymunk say, and keep Gymnasium's contract."""
 
+import importlib
+import sys
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
-from room_cases import FLOOR_PLANS, SPIKE
-from room_trace import ROOM_ID
+from room_cases import FLOOR_PLANS, ROOM_ID, SPIKE
 from side_by_side import NEAR, assert_same, both, run_beside
 
+import deqmcl_gym  # noqa: F401
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import Lidar, Mount
 from deqmcl_gym.validation import InputError
@@ -100,7 +103,6 @@ FORWARD = np.float32([5.0, 0.0])
 
 
 def rooms(number: int = 3, **kwargs) -> RoomVectorEnv:
-    """A native vector env, begun with seed 0."""
     env = gym.make_vec(ROOM_ID, num_envs=number, **kwargs)
     env.reset(seed=0)
     return env
@@ -181,3 +183,31 @@ def test_a_step_outside_an_episode_says_what_to_do():
     env.step(forward())
     with pytest.raises(RuntimeError, match="room 0 has ended: call reset"):
         env.step(forward())
+
+
+def test_without_the_library_its_extra_is_named(monkeypatch):
+    for name in ("stable_baselines3", "deqmcl_gym.sb3"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env", None)
+    with pytest.raises(ModuleNotFoundError, match=r'pip install "deqmcl-gym\[rl\]"'):
+        importlib.import_module("deqmcl_gym.sb3")
+
+
+def test_rooms_are_a_vec_env_with_actions_from_minus_one_to_one():
+    pytest.importorskip("stable_baselines3")
+    from deqmcl_gym.sb3 import Rooms
+
+    rooms = gym.make_vec("deqmcl_gym/Sharp-v0", num_envs=3, autoreset_mode="SameStep")
+    envs = Rooms(rooms)
+    envs.seed(4)
+    first = envs.reset()
+    assert (first == rooms.reset(seed=[4, 5, 6])[0]).all()
+    ends = 0
+    for _ in range(250):
+        seen, paid, ended, infos = envs.step(np.float32([[1, 0]] * 3))
+        assert seen.shape == (3, 9)
+        assert paid.shape == ended.shape == (3,)
+        assert all(("terminal_observation" in infos[i]) == ended[i] for i in range(3))
+        ends += ended.sum()
+    with refused('give gym.make_vec(..., autoreset_mode="SameStep")'):
+        Rooms(gym.make_vec("deqmcl_gym/Sharp-v0", num_envs=3))

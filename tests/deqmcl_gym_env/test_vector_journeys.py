@@ -7,8 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
-from room_cases import FLOOR_PLANS
-from room_trace import ROOM_ID
+from room_cases import FLOOR_PLANS, ROOM_ID
 from side_by_side import assert_same, both, run_beside
 
 from deqmcl_gym.envs.vector import RoomVectorEnv

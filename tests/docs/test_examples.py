@@ -1,19 +1,27 @@
-"""The examples run; what they need beyond this package is an extra, so some tests are skipped."""
+"""The examples and the notebook run; some need an extra and are skipped without it."""
 
+import json
 import os
 import re
 import runpy
 import sys
+from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from deqmcl_command import python
 from refusals import refused
 from test_links import ROOT
+from training_data import main, recorded
 
+import localizers
+from benchmarks.checks import check
 from benchmarks.setup.names import scenario
+from deqmcl_gym.maps import Office
 from localizers import make
 from localizers.checks import check_localizer, default_robot
+from localizers.registry import ScanPlugIn
 
 EXAMPLES = ROOT / "docs" / "examples"
 QUICK = ("custom_room.py", "doors.py")
@@ -51,7 +59,6 @@ def test_an_example_whose_library_is_missing_says_what_to_install(name, monkeypa
 
 
 def run(script: str, *arguments: object) -> str:
-    """What a script prints, run as its page says."""
     ours = os.environ | {"PYTHONPATH": str(ROOT)}
     return python(EXAMPLES / script, *arguments, env=ours, timeout=None)
 
@@ -104,13 +111,12 @@ FEW = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", FEW)
-def test_ppo_trains_is_scored_and_draws_its_curves(script, tmp_path, monkeypatch):
+def test_ppo_trains_is_scored_and_draws_its_curves(script, here):
     pytest.importorskip("stable_baselines3")
-    monkeypatch.chdir(tmp_path)
     arguments, words = FEW[script]
     said = run(script, *arguments.split())
     assert [word for word in words if word not in said] == []
-    assert "<svg" in (tmp_path / "curve.svg").read_text()
+    assert "<svg" in (here / "curve.svg").read_text()
 
 
 @pytest.mark.slow
@@ -151,3 +157,181 @@ def test_the_learned_localizer_follows_the_robot_where_dead_reckoning_does_not()
     # the prior alone is 12.5 px off; a net that was not trained, or is wired wrongly, is lost
     assert errors[LEARNED] < 5.0
     assert errors["dead-reckoning"] > 12.0
+
+
+NOTEBOOK = ROOT / "docs" / "deq-mcl.ipynb"
+FEWER = (('sweep("paper")', 'sweep("paper", trials=2)'), ("trials=10", "trials=2"))
+
+
+@pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
+def test_the_notebook_runs_and_deq_mcl_loses_world_1(here):
+    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    for many, few in FEWER:
+        assert many in code
+        code = code.replace(many, few)
+    names = {"__name__": "__main__"}
+    with plt.rc_context({"backend": "Agg"}):
+        exec(compile(code, str(NOTEBOOK), "exec"), names)
+    plt.close("all")
+    errors = names["trials"].query("method == 'deq-mcl'").set_index("trial")["error"]
+    assert errors[0] < 20.0
+    assert errors[1] > 100.0
+    assert names["distinct"](names["lost"][45]) < 100 < names["distinct"](names["plain"][45])
+    rightwards = names["lost"][60].belief.points()[0][:, 0] > 250.0
+    assert 0.4 < rightwards.mean() < 0.6  # about half goes the wrong way
+    own = names["results"].trials.query("offset == 0").set_index(["method", "lag"])["error"]
+    assert np.isfinite(own["ByHand"]).all()
+
+
+def test_the_notebook_is_kept_without_outputs():
+    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+    assert [cell for cell in cells if cell.get("outputs") or cell.get("execution_count")] == []
+
+
+FOLDER = ROOT / "docs" / "examples" / "learned_scan"
+MODEL = f"{FOLDER}/learned_scan.py:LearnedScan"
+REACH, BEAMS = 12.0, 16
+
+
+@pytest.fixture(scope="module")
+def code():
+    sys.path.insert(0, str(FOLDER))
+    yield runpy.run_path(str(FOLDER / "learned_scan.py"))
+    sys.path.remove(str(FOLDER))
+
+
+@pytest.fixture(scope="module")
+def net(code):
+    return code["ScanNet"]()
+
+
+def pairs(rng, count):
+    """Scans and expected ranges: some fit, some are short or long, or at an end of the range."""
+    expected = rng.uniform(0.3, 14.0, (count, BEAMS))
+    measured = np.clip(expected + rng.normal(0, 0.5, expected.shape), 0, REACH)
+    others = rng.random(expected.shape) < 0.3
+    measured[others] = rng.uniform(0, REACH, int(others.sum()))
+    measured[rng.random(expected.shape) < 0.05] = REACH
+    measured[rng.random(expected.shape) < 0.02] = 0.0
+    return measured, expected
+
+
+@pytest.mark.parametrize("beam", [0, 15])
+def test_the_density_of_a_beam_and_the_masses_of_the_ends_add_up_to_1(net, beam):
+    measured, expected = pairs(np.random.default_rng(beam), 20)
+    inside = (np.arange(6000) + 0.5) * REACH / 6000
+    for scan, wall in zip(measured, expected, strict=True):
+        scans = np.tile(scan, (inside.size + 2, 1))
+        scans[:, beam] = [*inside, 0.0, REACH]
+        found = np.exp(net.log_density(scans, np.tile(wall, (len(scans), 1)))[:, beam])
+        total = found[:-2].sum() * REACH / 6000 + found[-2:].sum()
+        assert total == pytest.approx(1.0, abs=2e-3)
+
+
+def test_a_beam_does_not_depend_on_those_after_it(net):
+    rng = np.random.default_rng(0)
+    measured, expected = pairs(rng, 50)
+    before = net.log_density(measured, expected)
+    for beam in range(BEAMS - 1):
+        other = measured.copy()
+        other[:, beam + 1 :] = rng.uniform(0, REACH, (50, BEAMS - 1 - beam))
+        found = net.log_density(other, expected)
+        assert np.allclose(found[:, : beam + 1], before[:, : beam + 1], rtol=0, atol=1e-5)
+        assert not np.allclose(found[:, beam + 1], before[:, beam + 1], rtol=0, atol=0.1)
+
+
+def test_it_keeps_the_laws_of_scan_models():
+    assert check("scan models", MODEL).passed
+
+
+def test_a_map_in_pixels_or_another_lidar_is_refused():
+    sharp, lost = scenario("sharp"), scenario("lost")
+    for setup in (sharp, lost.changed({"lidar.beams": 8})):
+        robot = replace(setup.robot_model(setup.room()), scan=ScanPlugIn(kind=MODEL))
+        with refused("learned scan model"):
+            robot.scan_model()
+
+
+def test_in_unseen_buildings_it_predicts_scans_better_where_the_map_is_wrong_and_only_there(net):
+    beam = localizers.CensoredGaussianUniform(sigma=0.5)
+    gains = {}
+    for world in ("lost", str(FOLDER / "high.toml")):
+        data = recorded((3000, 3040), 30, rooms=24, crop=2, scenario=world)
+        seen, wall = data["scan"].reshape(-1, BEAMS).astype(float), data["expected"]
+        usual = [
+            beam.log_likelihood(z, e[None], REACH)[0]
+            for z, e in zip(seen, wall.reshape(-1, BEAMS), strict=True)
+        ]
+        gains[world] = net.log_density(seen, wall.reshape(-1, BEAMS)).sum(axis=1).mean() - np.mean(
+            usual
+        )
+    right, wrong = gains.values()  # nats a scan
+    assert -1.0 < right < 0.0
+    assert wrong > 2.0
+
+
+def test_training_writes_what_the_model_reads(tmp_path):
+    pytest.importorskip("torch")
+    data = recorded((40, 42), 4, rooms=2, crop=2, scenario="lost")
+    np.savez(tmp_path / "data.npz", **data)
+    out, files = (
+        tmp_path / "new.npz",
+        ("--data", tmp_path / "data.npz", "--unseen", tmp_path / "data.npz"),
+    )
+    said = python(FOLDER / "train_scan_model.py", *files, "--epochs", 1, "--out", out)
+    assert said.count("beam model") == said.count("learned") == 2
+    with np.load(out) as new, np.load(FOLDER / "learned_scan.npz") as shipped:
+        assert {n: new[n].shape for n in new} == {n: shipped[n].shape for n in shipped}
+
+
+BUILDINGS, STEPS, ROOMS, CROP = (40, 43), 30, 4, 32
+
+
+@pytest.fixture(scope="module")
+def data():
+    return recorded(BUILDINGS, STEPS, rooms=ROOMS, crop=CROP)
+
+
+def test_every_scan_is_that_of_its_pose_in_its_building(data):
+    for step, room in np.ndindex(STEPS, ROOMS):
+        plan = Office(seed=int(data["building"][step, room])).grid
+        exact = plan.ranges([data["pose"][step, room]], data["bearings"])[0]
+        seen = data["scan"][step, room]
+        assert np.allclose(data["expected"][step, room], exact, atol=1e-3)
+        both = np.isfinite(seen) & np.isfinite(exact) & (exact < 6.0)
+        assert np.all(np.abs(seen - exact)[both] < 6 * 0.5)  # σ = 0.5 m: one of 5e8 is farther off
+
+
+def test_a_scenario_without_offices_or_with_people_is_refused():
+    with refused("'sharp' does not take place in generated offices"):
+        recorded(BUILDINGS, 5, scenario="sharp")
+    with refused("'wrong-map' has people"):
+        recorded(BUILDINGS, 5, scenario="wrong-map")
+
+
+def test_commands_lead_from_pose_to_pose_and_are_0_where_an_episode_begins(data):
+    begins = data["begins"]
+    assert begins[0].all()
+    assert not data["command"][begins].any()
+    moved = np.linalg.norm(np.diff(data["pose"][..., :2], axis=0), axis=-1)
+    told = data["command"][1:, :, 0]
+    # noise is 2 % of the drive: six standard deviations; a contact may stop the robot before
+    assert np.all((moved <= 1.12 * told + 1e-6) | begins[1:])
+
+
+def test_the_same_seed_is_the_same_data_from_the_buildings_that_were_asked_for(data):
+    again = recorded(BUILDINGS, STEPS, rooms=ROOMS, crop=CROP)
+    assert all(np.array_equal(data[name], again[name]) for name in data)
+    assert set(np.unique(data["building"])) <= set(range(*BUILDINGS))
+
+
+def test_the_command_writes_one_file_and_refuses_what_is_no_range(tmp_path, capsys):
+    file = tmp_path / "data.npz"
+    main(["--buildings", "40:42", "--steps", "3", "--rooms", "2", "--out", str(file)])
+    assert np.load(file)["scan"].shape == (3, 2, 16)
+    assert "6 scans in" in capsys.readouterr().out
+    with refused("--buildings is '40'"):
+        main(["--buildings", "40", "--out", str(file)])
+    with refused("--crop is 33"):
+        main(["--crop", "33", "--out", str(file)])

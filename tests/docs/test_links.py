@@ -1,11 +1,23 @@
-"""Every link within the documents leads somewhere, and every name of code is there."""
+"""Links lead somewhere, names of code are there, questions have answers, tables are right."""
 
+import inspect
+import json
 import pkgutil
 import re
+from dataclasses import fields
 from pathlib import Path
 from urllib.parse import unquote
 
+import gymnasium as gym
 import pytest
+
+from deqmcl_gym import Office
+from deqmcl_gym.envs.log import LogEnv
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps import Mount
+from deqmcl_gym.world import config
+from deqmcl_gym.world.config import WORLDS
+from docs import tables, tables_of_code
 
 ROOT = Path(__file__).parents[2]
 OUTSIDE = [ROOT / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")]
@@ -30,7 +42,6 @@ ELSEWHERE = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)  # http:, https:, m
 
 
 def targets(text):
-    """Where the links and images of a Markdown text lead, code left out."""
     prose = CODE.sub("", FENCE.sub("", text))
     return [next(filter(None, found)) for found in TARGETS.findall(prose)]
 
@@ -49,7 +60,6 @@ def anchors(text):
 
 
 def broken(document):
-    """Links of a document that lead nowhere, with the reason."""
     text = document.read_text()
     for target in targets(text):
         if ELSEWHERE.match(target):
@@ -70,7 +80,6 @@ def test_every_link_and_image_leads_to_a_file_and_a_heading_that_are_there(docum
 
 
 def gone(document):
-    """Names of code in a document that are not where it says."""
     for found in NAMES.finditer(FENCE.sub("", document.read_text())):
         if dotted := found["dotted"]:
             if not there(dotted):
@@ -84,7 +93,6 @@ def gone(document):
 
 
 def there(dotted):
-    """Whether a dotted name is a module, or an attribute of one."""
     try:
         pkgutil.resolve_name(dotted)
     except (ImportError, AttributeError):
@@ -95,3 +103,138 @@ def there(dotted):
 @pytest.mark.parametrize("document", CURRENT, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_every_name_of_code_is_where_the_document_says(document):
     assert list(gone(document)) == []
+
+
+ANSWERS = {
+    # somebody in a notebook
+    "How do I install it without make?": "README.md#install-and-run",
+    "What is worth a plan, in one table?": "README.md#what-a-plan-is-worth",
+    "What does DEQ-MCL do in one step?": "docs/deq-mcl.ipynb#one-step-by-hand",
+    "Why did it lose one run in ten?": "docs/deq-mcl.ipynb#why-it-lost-one-run-of-ten",
+    "How do I get a LaTeX table?": "docs/deq-mcl.ipynb#your-own-localizer",
+    "How do I compare a class of my own?": "docs/quickstart.md#plug-in-your-own",
+    "What does a localizer get to know?": "docs/write-a-localizer.md#the-robot-model",
+    "How do I find out that my localizer is right?": "docs/write-a-localizer.md#check-it",
+    "How do I vary several things?": "docs/sweeps.md#a-sweep-file",
+    "My folder is of older code, what now?": "docs/sweeps.md#after-a-change-of-code",
+    "What becomes of an interrupted sweep?": "docs/sweeps.md#stop-resume-repeat",
+    "Do numbers depend on my machine?": "docs/sweeps.md#seeds",
+    "Which scenarios are there?": "docs/sweeps.md#scenarios",
+    "How many worlds do I need?": "docs/reports.md#the-verdict",
+    "How is an error computed?": "docs/reports.md#scores-of-a-trial",
+    "What does this parameter do?": "docs/equations.md#parameters",
+    "Where does the code differ from the paper?": "docs/equations.md#what-the-paper-leaves-open",
+    "What is NEES, a world, a trial?": "docs/faq.md#terms",
+    # somebody who trains policies
+    "Which environments are there?": "docs/environment.md#ids",
+    "What is in info?": "docs/environment.md#info",
+    "How do I draw an L-shaped obstacle?": "docs/environment.md#your-own-room",
+    "How do I scale observations?": "docs/environment.md#observations-and-actions-in--1-1",
+    "What does a learner do with lost beams?": "docs/environment.md#lost-beams",
+    "How do I record a video?": "docs/environment.md#pictures",
+    "Is Journey-v1 hard?": "docs/acting.md#journey-v1",
+    "What is a good score of Localize-v0?": "docs/acting.md#localize-v0",
+    "How do I train in many buildings?": "docs/environment.md#offices",
+    # somebody with a robot
+    "What may my log look like?": "docs/your-map-your-log.md#what-your-files-may-look-like",
+    "Can I give my nav2_params.yaml?": "docs/your-map-your-log.md#your-amcls-parameters",
+    "The start is not known, what then?": "docs/your-map-your-log.md#where-the-robot-starts",
+    "My lidar has a code for no return.": "docs/your-map-your-log.md#what-drivers-send",
+    "Unknown cells are walls. Must they be?": "docs/environment.md#a-ros-map",
+    "By which score do I tune?": "docs/tune-on-your-log.md#which-score",
+    "How do I score slam_toolbox?": "docs/tune-on-your-log.md#score-your-own-stack",
+    "How does it run on my robot?": "docs/write-a-localizer.md#on-your-robot",
+    "Is amcl really Nav2's?": "docs/classical.md#amcl",
+    "Does my robot's own plan help?": "docs/plan-sensor.md#whose-plan-is-it",
+    "The robot is lost in a building.": "docs/plan-sensor.md#lost-kidnapped-driving",
+    "Is it lost, or is the map wrong?": "docs/wrong-map.md#is-it-lost-or-is-the-map-wrong",
+    # somebody who maintains it
+    "Where is the reward?": "docs/architecture.md#where-to-change-what",
+    "Why is this so?": "docs/decisions.md#the-world-paper-is-frozen",
+}
+
+
+@pytest.mark.parametrize("question", ANSWERS)
+def test_a_question_has_its_answer(question):
+    page, _, heading = ANSWERS[question].partition("#")
+    text = (ROOT / page).read_text(encoding="utf-8")
+    if page.endswith(".ipynb"):
+        cells = json.loads(text)["cells"]
+        text = "\n\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
+    assert heading in anchors(text)
+
+
+REPORTS = ROOT / "docs" / "reports"
+MOST = {"README.md": 1000, "CONTRIBUTING.md": 1000, "CHANGELOG.md": 1500, "docs/decisions.md": 3500}
+PAGES = [
+    path
+    for path in DOCUMENTS
+    if path.relative_to(ROOT).as_posix() not in MOST and REPORTS not in path.parents
+]
+
+
+def words(path):
+    return len(path.read_text(encoding="utf-8").split())
+
+
+@pytest.mark.parametrize(("name", "most"), MOST.items())
+def test_a_document_is_short(name, most):
+    assert words(ROOT / name) <= most
+
+
+def test_all_pages_together_are_an_afternoon():
+    assert sum(map(words, PAGES)) <= 36_000
+
+
+def test_a_decision_is_told_in_150_words():
+    sections = re.split("^## ", (ROOT / "docs" / "decisions.md").read_text(), flags=re.MULTILINE)
+    assert len(sections) > 20
+    assert max(len(section.split()) for section in sections) <= 150
+
+
+def test_every_table_of_the_pages_is_that_of_its_report():
+    assert tables.main(["--check"]) == 0
+
+
+def rows(table):
+    return {cells[0].strip("`"): cells[1:] for cells in table[1]}
+
+
+def test_every_id_has_a_row_with_its_steps():
+    found = rows(tables_of_code.ids())
+    ours = {name for name in gym.registry if name.startswith("deqmcl_gym/")}
+    assert {f"deqmcl_gym/{name}" for name in found} == ours
+    assert found["Room-v0"][-2] == "408"
+    assert found["Localize-v0"][-2] == "300"
+    assert "`lidar.beams=9`" in found["Sharp-v0"][1]
+
+
+def test_the_arguments_of_a_room_are_those_of_its_signature_and_of_all_parts():
+    parts = {name: getattr(WORLDS["paper"], name) for name in ("lidar", "robot", "noise")}
+    parts |= {name: getattr(WORLDS["paper"], name) for name in ("start", "lap")}
+    parts |= {name: kind() for name, kind in config._OPTIONAL.items()}
+    keys = {f"{name}.{own.name}" for name, part in parts.items() for own in fields(part)}
+    given = set(inspect.signature(RoomEnv).parameters) - {"unknown"}
+    asked = given - {"lidar", "robot", "noise", "start", "lap"}
+    found = rows(tables_of_code.arguments("Room-v0"))
+    assert set(found) == asked | keys
+    assert all(said for _, said in found.values())
+    assert found["lidar.field_of_view"][0] == "`π/2`"
+    assert found["lidar.max_range"][0] == "`400.0` px"
+
+
+@pytest.mark.parametrize("name", ["Localize-v0", "Track-v0"])
+def test_the_arguments_of_a_task_are_those_of_the_classes_that_it_is_made_of(name):
+    found = rows(tables_of_code.arguments(name))
+    assert {"localizer", "floor_plan", "max_steps", "particles", "render_mode"} <= set(found)
+    gym.make(f"deqmcl_gym/{name}", localizer={"name": "mcl-map", "particles": 10},
+             **dict.fromkeys(("floor_plan", "lidar", "robot", "noise", "cell")))  # fmt: skip
+
+
+def test_the_arguments_of_a_log_are_all_there_and_so_are_the_keys_of_a_part():
+    given = set(inspect.signature(LogEnv).parameters) - {"others"}
+    assert set(rows(tables_of_code.arguments("Log-v0"))) == given
+    for part in (Office, Mount):
+        found = rows(tables_of_code.arguments(part.__name__))
+        assert set(found) == {own.name for own in fields(part)}
+        assert all(re.search(r"\w", said) for _, said in found.values())

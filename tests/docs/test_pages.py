@@ -40,10 +40,7 @@ LAWS_SHOWN, NODE, FEED, _ = blocks(LOCALIZER, "python notest")
 RECORD, PLAYED = blocks(LOG, "python notest")
 
 
-def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(
-    tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
+def test_the_commands_on_a_localizer_work_as_they_stand(here, capsys):
     (commands,) = blocks(LOCALIZER, "sh")
     said = []
     for command in commands.splitlines():
@@ -52,21 +49,13 @@ def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(
         said.append(capsys.readouterr().out)
     _, *then = commands.splitlines()
     assert [line.strip() for line in said[0].splitlines() if line.startswith("  deqmcl")] == then
-    results = tmp_path / "results" / "mine"
+    results = here / "results" / "mine"
     rows = {row["offset"]: row for row in lines(results, "results.csv") if row["method"] == NAMED}
     assert math.isfinite(float(rows["0"]["error"]))
     assert NAMED in (results / "report.html").read_text()
 
 
-def test_the_table_of_ids_names_every_environment():
-    page = (ROOT / "docs" / "environment.md").read_text()
-    rows = re.findall(r"^\| (`\w+-v\d+`.*?) \|", page, re.MULTILINE)
-    named = [f"deqmcl_gym/{name}" for row in rows for name in re.findall(r"`(\S+)`", row)]
-    assert sorted(named) == sorted(name for name in gym.registry if name.startswith("deqmcl_gym/"))
-
-
-def test_the_command_that_writes_a_building_works(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_the_command_that_writes_a_building_works(here):
     page = (ROOT / "docs" / "environment.md").read_text()
     (command,) = re.findall(r"^\.venv/bin/deqmcl (.*)$", page, re.MULTILINE)
     assert exit_code(*command.split()) == 0
@@ -92,9 +81,8 @@ def test_the_check_from_python_runs_as_a_file(tmp_path):
 
 
 @pytest.fixture
-def lap(tmp_path, monkeypatch):
+def lap(here):
     """A folder with the log to begin with, its map and its reference."""
-    monkeypatch.chdir(tmp_path)
     exec(compile(RECORD, "record", "exec"), {})
 
 

@@ -19,21 +19,16 @@ from localizers.template import MyLocalizer
 
 
 class AnswersInTime(MyLocalizer):
-    """Waits for a sensor that is not there."""
-
     def update(self, ranges, action, plan):
         time.sleep(3600)
 
 
 @cache
 def MakesALocalizer(robot):  # noqa: N802
-    """Hands out the same object again and again."""
     return MyLocalizer(robot)
 
 
 class AnswersWithBeliefs(MyLocalizer):
-    """Forgets to return the belief."""
-
     def update(self, ranges, action, plan):
         super().update(ranges, action, plan)
 
@@ -50,16 +45,12 @@ class Told:
 
 
 class Finite(MyLocalizer):
-    """Divides by a weight that is zero."""
-
     def update(self, ranges, action, plan):
         belief = super().update(ranges, action, plan)
         return Told(belief, lambda poses, weights: (poses * [1, np.nan, 1], weights))
 
 
 class WeightsSumToOne(MyLocalizer):
-    """Gives likelihoods for weights."""
-
     def update(self, ranges, action, plan):
         belief = super().update(ranges, action, plan)
         return Told(belief, lambda poses, weights: (poses, 0.5 * weights))
@@ -84,23 +75,17 @@ class HalfTurn(MyLocalizer):
 
 
 class SameRngSameResult(MyLocalizer):
-    """Makes its own generator from the entropy of the machine."""
-
     def reset(self, prior, plan, rng):
         return super().reset(prior, plan, np.random.default_rng())
 
 
 class OtherRngOtherResult(MyLocalizer):
-    """Draws from rng, but what it uses has a seed of its own."""
-
     def reset(self, prior, plan, rng):
         rng.random()
         return super().reset(prior, plan, np.random.default_rng(0))
 
 
 class TakesTheSecondForTheTurn(MyLocalizer):
-    """Knows increments of two numbers only."""
-
     def reset(self, prior, plan, rng):
         return super().reset(prior, plan[:, :2], rng)
 
@@ -109,8 +94,6 @@ class TakesTheSecondForTheTurn(MyLocalizer):
 
 
 class GlobalRngUntouched(MyLocalizer):
-    """Seeds the global generator, for results that repeat."""
-
     def reset(self, prior, plan, rng):
         np.random.seed(0)  # noqa: NPY002
         np.random.rand()  # noqa: NPY002
@@ -118,8 +101,6 @@ class GlobalRngUntouched(MyLocalizer):
 
 
 class ProcessStateUntouched(MyLocalizer):
-    """Leaves its process otherwise than it found it, in what it was told to."""
-
     CHANGES = MappingProxyType(
         {
             "the working folder": lambda: os.chdir("/"),
@@ -143,24 +124,18 @@ class ProcessStateUntouched(MyLocalizer):
 
 
 class NothingLeftRunning(MyLocalizer):
-    """Starts a thread for each drive, and forgets it."""
-
     def reset(self, prior, plan, rng):
         threading.Thread(target=time.sleep, args=(30.0,), name="lidar", daemon=True).start()
         return super().reset(prior, plan, rng)
 
 
 class LeavesAProcess(MyLocalizer):
-    """Breaks the same law by a process."""
-
     def reset(self, prior, plan, rng):
         subprocess.Popen(["sleep", "20"])
         return super().reset(prior, plan, rng)
 
 
 class RobotAndPriorNotChanged(MyLocalizer):
-    """Moves the walls that are drawn, read-only as they are."""
-
     def reset(self, prior, plan, rng):
         walls = self.robot.floor_plan.walls
         walls.flags.writeable = True
@@ -182,8 +157,6 @@ class HugeActions(MyLocalizer):
 
 
 class InputsNotChanged(MyLocalizer):
-    """Cuts the ranges off in place."""
-
     def update(self, ranges, action, plan):
         np.minimum(ranges, 100.0, out=ranges)
         return super().update(ranges, action, plan)
@@ -203,8 +176,6 @@ class InputsNotKept(MyLocalizer):
 
 
 class OutputsAreFresh(MyLocalizer):
-    """Answers with the array that it keeps."""
-
     def update(self, ranges, action, plan):
         belief = super().update(ranges, action, plan)
         held = belief.points()
@@ -227,8 +198,6 @@ class BeliefsStay(MyLocalizer):
 
 
 class PriorWithoutMean(MyLocalizer):
-    """Starts from the prior's mean, whether it has one or not."""
-
     def reset(self, prior, plan, rng):
         self.x, self.y, self.heading = prior.mean
         return super().reset(prior, plan, rng)
@@ -248,16 +217,12 @@ class ZeroLikelihood(MyLocalizer):
 
 
 class MaxRangeScan(MyLocalizer):
-    """Takes the farthest of the beams that hit something; here none does."""
-
     def update(self, ranges, action, plan):
         self.farthest = ranges[ranges != self.robot.lidar.max_range].max()
         return super().update(ranges, action, plan)
 
 
 class BadBeams(MyLocalizer):
-    """Trusts every beam."""
-
     def update(self, ranges, action, plan):
         belief = super().update(ranges, action, plan)
         x, y, heading = mean_pose(*belief.points())
@@ -265,8 +230,6 @@ class BadBeams(MyLocalizer):
 
 
 class OneParticle(MyLocalizer):
-    """Takes a sample covariance, which one particle has not."""
-
     def update(self, ranges, action, plan):
         poses, weights = super().update(ranges, action, plan).points()
         if len(poses) < 2:
@@ -275,16 +238,12 @@ class OneParticle(MyLocalizer):
 
 
 class ShortPlan(MyLocalizer):
-    """Looks at the next planned action, which the last step has not."""
-
     def update(self, ranges, action, plan):
         self.next_turn = plan[0, 1]
         return super().update(ranges, action, plan)
 
 
 class ChangedPlan(MyLocalizer):
-    """Insists that the robot does what was planned."""
-
     def reset(self, prior, plan, rng):
         self.plan = plan.copy()
         return super().reset(prior, plan, rng)
@@ -297,8 +256,6 @@ class ChangedPlan(MyLocalizer):
 
 
 class ResetStartsAnew(MyLocalizer):
-    """Goes on counting after reset."""
-
     steps = 0
 
     def update(self, ranges, action, plan):
@@ -308,16 +265,12 @@ class ResetStartsAnew(MyLocalizer):
 
 
 class Picklable(MyLocalizer):
-    """Keeps a function without a name."""
-
     def __init__(self, robot, *, particles=500):
         super().__init__(robot, particles=particles)
         self.clip = lambda ranges: ranges.clip(0, 400)
 
 
 class RunsInAWorker(MyLocalizer):
-    """Works only in the process that the user has started."""
-
     def reset(self, prior, plan, rng):
         if multiprocessing.parent_process() is not None:
             raise OSError("no device in this process")

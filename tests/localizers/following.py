@@ -53,7 +53,6 @@ def small(name: str, particles: int) -> dict[str, float]:
 
 
 def varied(localizer: FilterLocalizer, **parts: Any) -> FilterLocalizer:
-    """The same localizer, its filter put together from other parts."""
     return FilterLocalizer(localizer.robot, replace(localizer.filter, **parts))
 
 
@@ -75,7 +74,6 @@ def follow(
 
 
 def started(name: str, robot: localizers.RobotModel, prior: localizers.Prior, **params: Any) -> Any:
-    """A localizer at the start of an episode without a plan."""
     localizer = localizers.make(name, robot, **params)
     localizer.reset(prior, [], np.random.default_rng(0))
     return localizer
@@ -84,7 +82,6 @@ def started(name: str, robot: localizers.RobotModel, prior: localizers.Prior, **
 def updated(
     name: str, robot: localizers.RobotModel, prior: localizers.Prior, scan, action=(0, 0), **params
 ) -> Any:
-    """Belief after one update, without a plan."""
     return started(name, robot, prior, **params).update(scan, action, [])
 
 
@@ -93,7 +90,6 @@ def same(
     other: Sequence[localizers.Belief],
     offsets: Sequence[int] = (0,),
 ) -> bool:
-    """Whether all points and weights are equal, bit by bit."""
     for a, b in zip(one, other, strict=True):
         for offset in offsets:
             p, q = a.points(offset) or (), b.points(offset) or ()

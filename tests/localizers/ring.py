@@ -101,8 +101,6 @@ class RingWalls:
 
 @dataclass(frozen=True)
 class RingPlans:
-    """p(π | x) ∝ exp(-β C): C steps of the plan collide without noise."""
-
     beta: float
 
     def collisions(self, states, plan, first=0):
@@ -115,7 +113,6 @@ class RingPlans:
 
 
 def transition(command: int, beta: float, costs: np.ndarray = COLLIDES) -> np.ndarray:
-    """p(x' | x, command) g(x, x'), row x."""
     one_step = np.zeros((STATES, STATES))
     for x in range(STATES):
         for noise, share in NOISE.items():
@@ -181,7 +178,6 @@ deq = partial(ring_filter, past=PAST, future=FUTURE, pilots=1)
 
 
 def fresh(beta: float, copies=3, **parts) -> ParticleFilter:
-    """With futures drawn anew from the present, by which it is weighed."""
     ring = ring_filter(beta, past=PAST, **parts)
     ahead = Foresight(rollout=ring.rollout, steps=FUTURE, copies=copies, weighs=True)
     return replace(ring, lookahead=ahead)
@@ -307,5 +303,4 @@ def z_scores(
 
 
 def worst(scores: dict) -> float:
-    """Largest |z| of all."""
     return max(float(np.abs(z).max()) for z in scores.values())

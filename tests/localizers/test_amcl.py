@@ -79,9 +79,7 @@ def test_after_random_poses_the_averages_start_anew(robot, prior):
         ((0.0, 0.0, -0.21), 0.0, True),
     ],
 )
-def test_an_update_needs_more_than_either_minimum_along_an_axis_of_the_odometry(
-    since, heading, opens
-):
+def test_an_update_needs_more_than_a_minimum_along_an_odometry_axis(since, heading, opens):
     assert has_moved(np.array(since), heading, 0.25, 0.2) == opens
 
 
@@ -121,9 +119,7 @@ def test_a_robot_that_stands_is_not_updated_even_without_minima(robot, prior):
 
 
 @pytest.mark.parametrize(("interval", "selective"), [(1, False), (3, False), (1, True)])
-def test_it_resamples_at_the_end_of_an_update_when_it_should(
-    robot, prior, drive, interval, selective
-):
+def test_it_resamples_after_an_update_when_it_should(robot, prior, drive, interval, selective):
     params = {"resample_interval": interval, "selective_resampling": selective}
     localizer = localizers.make("amcl", robot, **params, **ROBOTS_OWN)
     model = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)

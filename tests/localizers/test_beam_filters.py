@@ -146,8 +146,6 @@ def test_many_particles_are_represented_by_evenly_spaced_ones_and_few_by_all():
 
 @dataclass(frozen=True)
 class Blindfold:
-    """Drops the same beams of every scan."""
-
     dropped: tuple[int, ...]
 
     def kept(self, states, log_weights, scan):

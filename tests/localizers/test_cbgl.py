@@ -35,7 +35,6 @@ def error_of(robot) -> AbsoluteError:
 
 
 def seen_from(robot, pose, missing=()) -> Scan:
-    """What the lidar measures at a pose, without noise."""
     ranges = np.fmin(robot.floor_plan.ranges(pose[None], robot.lidar.bearings)[0], 6.0)
     ranges[list(missing)] = np.nan
     return Scan.of(ranges.astype(np.float64), robot.lidar.max_range)
@@ -119,9 +118,7 @@ def test_after_the_fix_it_is_the_tracker(office, anywhere):
         assert same([belief], [beliefs[step]], offsets=(0,))
 
 
-def test_the_particles_of_the_fix_are_weighed_by_the_scan_and_its_evidence_is_of_the_hypotheses(
-    office, anywhere
-):
+def test_the_fix_is_weighed_by_the_scan_and_its_evidence_is_of_the_hypotheses(office, anywhere):
     scan = seen_from(office, anywhere.sample(1, RNG(1))[0])
     fix = localizers.make("cbgl", office, particles=90, poses=256, matched=5, modes=3).filter
     rng = RNG(0)

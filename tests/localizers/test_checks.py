@@ -198,9 +198,7 @@ def test_a_deterministic_localizer_that_needs_a_mean_is_told_so_and_passes():
         ("import os, warnings; os.environ['MINE'] = ''; warnings.simplefilter('ignore')", None),
     ],
 )
-def test_what_an_import_changes_of_the_process_is_seen_but_for_what_many_add(
-    tmp_path, line, broken
-):
+def test_what_an_import_changes_of_the_process_is_seen(tmp_path, line, broken):
     (tmp_path / "mine.py").write_text(f"{line}\n{inspect.getsource(template)}")
     with state_kept():
         report = check_localizer(f"{tmp_path}/mine.py:MyLocalizer")

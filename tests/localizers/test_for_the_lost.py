@@ -5,23 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import ring
 from following import follow, same, sample_size
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from refusals import refused
-from ring import (
-    AS_PLANNED,
-    OBSERVED,
-    PRIOR,
-    RESAMPLING,
-    SENSOR,
-    STATES,
-    STEPS,
-    beliefs,
-    ring_filter,
-    transition,
-)
 
 import localizers
 from deqmcl_gym.maps import GridMap
@@ -122,27 +111,29 @@ class Doubt(Recovery):
         return self
 
 
-@pytest.mark.parametrize("strategy", RESAMPLING)
+@pytest.mark.parametrize("strategy", ring.RESAMPLING)
 def test_with_a_given_share_the_mixture_is_exact(strategy):
     """α_t = [(1 - s) α_{t-1} T + s |α_{t-1} T| u] p(o_t | x), for eight particles; see ring."""
     share, beta, replicates = 0.3, 1.0, 1_000
-    everywhere = np.full(STATES, 1 / STATES)
+    everywhere = np.full(ring.STATES, 1 / ring.STATES)
 
     class Uniform:
         def sample(self, n, rng):
-            return rng.integers(STATES, size=(n, 1))
+            return rng.integers(ring.STATES, size=(n, 1))
 
     injection = Injection(recovery=Doubt(always=share), poses=Uniform())
-    ring = ring_filter(beta, resampling=RESAMPLING[strategy], injection=injection)
-    found = np.zeros((replicates, STEPS + 1, STATES))
+    particles = ring.ring_filter(beta, resampling=ring.RESAMPLING[strategy], injection=injection)
+    found = np.zeros((replicates, ring.STEPS + 1, ring.STATES))
     for seed in range(replicates):
-        for t, belief in enumerate(beliefs(ring, AS_PLANNED, seed)):
+        for t, belief in enumerate(ring.beliefs(particles, ring.AS_PLANNED, seed)):
             mass = math.exp(belief.log_evidence) * belief.weights
-            found[seed, t] = np.bincount(belief.present[0], weights=mass, minlength=STATES)
-    exact = [PRIOR]
-    for command, seen in zip(AS_PLANNED.executed, OBSERVED, strict=True):
-        moved = exact[-1] @ transition(command, beta)
-        exact.append(((1 - share) * moved + share * moved.sum() * everywhere) * SENSOR[:, seen])
+            found[seed, t] = np.bincount(belief.present[0], weights=mass, minlength=ring.STATES)
+    exact = [ring.PRIOR]
+    for command, seen in zip(ring.AS_PLANNED.executed, ring.OBSERVED, strict=True):
+        moved = exact[-1] @ ring.transition(command, beta)
+        exact.append(
+            ((1 - share) * moved + share * moved.sum() * everywhere) * ring.SENSOR[:, seen]
+        )
     error = found.std(axis=0, ddof=1) / math.sqrt(replicates)
     assert np.abs((found.mean(axis=0) - exact) / error).max() < 5
 
@@ -167,9 +158,7 @@ def test_a_route_is_new_that_does_not_go_on_as_the_one_before(last, plan, new):
 
 @pytest.mark.parametrize("name", FOR_THE_LOST)
 @pytest.mark.parametrize("share", [0.0, 0.5])
-def test_after_a_new_route_poses_are_drawn_by_it_and_otherwise_anywhere(
-    name, share, robot, prior, drive
-):
+def test_after_a_new_route_poses_are_drawn_by_it_else_anywhere(name, share, robot, prior, drive):
     straight = np.tile([5.0, 0.0, 0.0], (40, 1))  # 200 px: fits few poses in this room
     route = increments(drive[0])
     made = localizers.make(name, robot, particles=400, start_draws=20, plan_beta=10.0)

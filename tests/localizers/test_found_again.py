@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from believing import Believes
 from refusals import refused
 
 from deqmcl_gym import GridMap, Lidar
@@ -155,23 +156,14 @@ def test_scans_that_are_stamped_late_are_noticed(drive):
     assert late.counts.misdated_scans > 0
 
 
-class Plain:
-    """A localizer that does not say for which robot it was made."""
-
-    def reset(self, prior, plan, rng):
-        return PointsBelief([prior.mean])
-
-    def update(self, ranges, action, plan):
-        return PointsBelief([(1.0, 1.0, 0.0)])
-
-
 def test_without_a_map_nothing_is_said_and_recovery_is_refused(drive):
     odometry, truth, ranges = drive
-    said = fed(Tracker(Plain(), np.random.default_rng(0)), odometry[:20], ranges[:20], truth[0])
+    plain = Believes(PointsBelief([(1.0, 1.0, 0.0)]))  # does not say for which robot it was made
+    said = fed(Tracker(plain, np.random.default_rng(0)), odometry[:20], ranges[:20], truth[0])
     assert said[-1].agreement is None
     assert not said[-1].lost
     with refused("does not say for which robot"):
-        Tracker(Plain(), np.random.default_rng(0), recovery=Relocalization())
+        Tracker(plain, np.random.default_rng(0), recovery=Relocalization())
     with refused("recovery.least"):
         Relocalization(least=1.5)
     with refused("lost_below"):

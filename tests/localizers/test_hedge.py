@@ -57,9 +57,7 @@ def misled(drive, seed):
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("mutual", [False, True])
-def test_whatever_plans_say_its_scans_are_as_likely_as_without_them_but_for_a_constant(
-    robot, prior, drive, seed, mutual
-):
+def test_whatever_plans_say_scans_stay_likely_but_for_a_constant(robot, prior, drive, seed, mutual):
     hedge = localizers.make(
         "mcl-plan-hedged", robot, particles=N, switching=0.01, trust=0.7, mutual=mutual
     )
@@ -187,8 +185,6 @@ def test_many_particles_are_the_two_modes_enumerated(author, mutual):
 
 @dataclass
 class Predicting:
-    """Another belief, with how well it predicted the scan."""
-
     belief: localizers.Belief
     scan_log_evidence: float
 

@@ -21,9 +21,7 @@ PAST, BOTH = range(-6, 1), range(-6, 7)
 
 
 @pytest.mark.parametrize("evidence", ["plan", "future"])
-def test_without_lag_it_is_map_based_mcl_and_without_a_plan_its_smoother(
-    make, prior, drive, evidence
-):
+def test_without_lag_it_is_mcl_map_and_without_a_plan_its_smoother(make, prior, drive, evidence):
     make_fresh = partial(make, "deq-mcl-fresh", evidence=evidence)
     looking = follow(make_fresh(lag=0), prior, drive)
     assert same(looking, follow(make("mcl-map"), prior, drive), offsets=BOTH)
@@ -46,9 +44,7 @@ def test_an_estimate_by_h_has_the_cloud_of_the_map_based_smoother(make, prior, d
     assert same(looking[-1:], smoother[-1:])  # nothing is planned any more
 
 
-def test_more_pilots_leave_the_cloud_as_it_is_and_of_a_free_map_they_say_nothing(
-    make, prior, drive
-):
+def test_more_pilots_leave_the_cloud_as_it_is_and_tell_nothing_of_a_free_map(make, prior, drive):
     few, many = (follow(make("deq-mcl-fresh", lag=5, pilots=k), prior, drive)[3] for k in (1, 8))
     assert np.array_equal(few.points()[0], many.points()[0])
     assert not np.array_equal(few.points()[1], many.points()[1])
@@ -126,9 +122,7 @@ class Asked:
 
 @pytest.mark.parametrize("beta", [0.0, 0.1, 10.0, math.inf])
 @pytest.mark.parametrize(("n", "wide"), [(1, 2000), (63, 2000), (1500, 2000), (4000, 1500)])
-def test_a_walk_in_one_pass_has_the_bits_of_one_step_after_the_other(
-    room, beta, n, wide, monkeypatch
-):
+def test_a_walk_in_one_pass_has_the_bits_of_single_steps(room, beta, n, wide, monkeypatch):
     monkeypatch.setattr(motion, "_DRAWS", 6000)  # 1,500 poses are drawn two steps at a time,
     monkeypatch.setattr(motion, "_WIDE", wide)  # and 4,000 driven in three parts
     walls = FreeSpace(floor_plan=room, radius=8.0, beta=beta)

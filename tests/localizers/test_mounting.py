@@ -38,16 +38,11 @@ def drive() -> np.ndarray:
     return np.array(poses)
 
 
-def scans_at(poses: np.ndarray, place: tuple[float, float], rng) -> np.ndarray:
-    """Ranges from a lidar at ``place`` on the robot."""
-    bearings = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
-    return HALL.ranges(mounted(poses, place), bearings) + rng.normal(0, SIGMA, (len(poses), BEAMS))
-
-
 def error(method: str, place: tuple[float, float], noise: float, seed: int) -> tuple[float, float]:
     """Mean errors over a drive of the position of the robot's centre, m, and of its heading."""
     truth, rng = drive(), np.random.default_rng(seed)
-    scans = scans_at(truth, place, rng)
+    scans = HALL.ranges(mounted(truth, place), np.linspace(-math.pi, math.pi, BEAMS, False))
+    scans = scans + rng.normal(0, SIGMA, scans.shape)
     moved = increments_of(truth)
     moved = moved * (1 + noise * rng.standard_normal(moved.shape))
     lidar = Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=12.0, mounting=place)

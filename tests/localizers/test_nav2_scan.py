@@ -55,13 +55,11 @@ def by_hand(building, lidar, poses, scan, *, step, farthest=2.0, sigma=0.2, hit=
 
 
 def log_w(model, poses: np.ndarray, ranges: np.ndarray) -> np.ndarray:
-    """Log-weights of poses (3, n)."""
     states = np.ascontiguousarray(poses, np.float32)
     return model.log_likelihood(states, Scan.of(ranges, model.lidar.max_range))
 
 
 def thousand_poses(building) -> np.ndarray:
-    """Free ones, occupied ones, and some off the map; float32."""
     x0, y0, x1, y1 = building.bounds
     low, high = (x0 - 1, y0 - 1, -math.pi), (x1 + 1, y1 + 1, math.pi)
     return np.random.default_rng(1).uniform(low, high, (1000, 3)).astype(np.float32)
@@ -170,7 +168,6 @@ def skipping_case(error_threshold: float):
 
 
 def kept(skipping, states, ranges):
-    """The ranges that are left of a scan."""
     scan = Scan.of(ranges, skipping.field.lidar.max_range)
     left = skipping.kept(states, np.zeros(states.shape[1]), scan)
     assert left.beams == np.isfinite(left.ranges).sum() == left.usable.sum()

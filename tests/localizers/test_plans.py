@@ -25,14 +25,11 @@ SMALL = PolygonMap(outer=[(0, 0), (3, 0), (3, 2), (0, 2)], unit="m")
 
 
 class AnyMap(Map):
-    """A map that is none of ours, with ``collides`` alone."""
-
     def __init__(self, plan: PolygonMap) -> None:
         self.collides = plan.collides
 
 
 def cloud(plan: PolygonMap, n: int, seed: int) -> np.ndarray:
-    """Poses on the map and around it, (3, n)."""
     x0, y0, x1, y1 = plan.bounds
     rim = 0.1 * (x1 - x0)
     low, high = (x0 - rim, y0 - rim, -4.0), (x1 + rim, y1 + rim, 4.0)
@@ -48,7 +45,7 @@ def cloud(plan: PolygonMap, n: int, seed: int) -> np.ndarray:
     radius=st.sampled_from([0.0, 0.02, 0.1]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_in_one_pass_it_counts_the_steps_that_the_map_says_collide(
+def test_one_pass_counts_the_steps_that_the_map_says_collide(
     floor_plan, n, steps, reach, radius, seed
 ):
     size, poses = floor_plan.bounds[2], cloud(floor_plan, n, seed)

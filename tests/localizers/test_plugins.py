@@ -296,9 +296,7 @@ def test_the_digest_of_a_file_changes_with_its_text_alone_wherever_it_lies(file,
     assert localizers.source_digest(f"{elsewhere}:Mine") != before
 
 
-def test_the_digest_runs_nothing_so_what_cannot_be_imported_has_one_but_what_is_not_there(
-    module, install
-):
+def test_the_digest_runs_nothing_and_what_cannot_be_imported_has_one(module, install):
     install("theirs = pack.good:Mine")
     expected = localizers.source_digest("pack.good:Mine")
     for name in ("theirs", "pack.raises:Mine", "pack.torn:Mine", "pack.gone:Mine"):
@@ -322,9 +320,7 @@ OF_PACKAGE = ("weights.npz", "deep/er/w.bin", "torn.py")
         ("pack.good:Mine", "pack/__pycache__/good.cpython-311.pyc", False),
     ],
 )
-def test_the_digest_covers_what_a_package_has_and_what_is_beside_a_file_by_its_name(
-    module, name, shipped, covered
-):
+def test_the_digest_covers_a_package_and_what_has_a_files_name(module, name, shipped, covered):
     Path("alone.py").write_text("class Mine: ...")
     Path(shipped).parent.mkdir(exist_ok=True, parents=True)
     digests = []

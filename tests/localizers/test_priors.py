@@ -1,6 +1,7 @@
 """What a person knows of a start: densities that integrate to 1, and draws that follow them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from localizers import (
     UniformPrior,
     make,
 )
+from localizers.checks import default_robot
 
 HALL = PolygonMap(((0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (0.0, 6.0)), unit="m")
 CELLS = np.zeros((60, 80), np.int8)
@@ -132,7 +134,13 @@ def test_a_prior_that_cannot_be_is_refused(made, words):
         made()
 
 
-def test_a_part_without_a_unit_is_refused_on_a_map_in_metres():
-    prior = MixturePrior(parts=(GaussianPrior(mean=(1.0, 1.0, 0.0)),))
-    with refused("sd_position"):
-        make("mcl", ROBOT).reset(prior, np.empty((0, 2)), np.random.default_rng(0))
+@pytest.mark.parametrize("name", ["mcl", "deq-mcl", "ekf", "grid", "amcl"])
+def test_a_spread_of_10_px_by_default_is_refused_on_a_map_in_metres_of_a_part_too(name):
+    empty, rng = np.empty((0, 2)), np.random.default_rng(0)
+    own = GaussianPrior(mean=(1.0, 1.0, 0.0))
+    for prior in (own, MixturePrior(parts=(own,))):
+        with refused("give sd_position in m"):
+            make(name, ROBOT).reset(prior, empty, rng)
+    make(name, ROBOT).reset(replace(own, sd_position=10.0), empty, rng)
+    assert own == replace(own, sd_position=10.0)
+    make(name, default_robot()).reset(GaussianPrior(mean=(50.0, 50.0, 0.0)), empty, rng)

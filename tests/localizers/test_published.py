@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from believing import Believes
 from refusals import refused
 
 from deqmcl_gym.numerics import arrays
@@ -85,25 +86,13 @@ def test_beliefs_without_a_spread_are_published_as_the_floor():
     assert found.heading == pytest.approx(0.1, rel=SIGMAS / math.sqrt(2 * N) + 0.005)
 
 
-class Stays:
-    """Believes in two points, 0.2 m apart, or in one."""
-
-    def __init__(self, n):
-        self._belief = PointsBelief(np.array([[1.0, 2.0, 0.1], [1.2, 2.0, 0.1]])[:n])
-
-    def reset(self, prior, plan, rng):
-        return self._belief
-
-    def update(self, ranges, action, plan):
-        return self._belief
-
-
 @pytest.mark.parametrize(("points", "variance"), [(2, 0.01), (1, 0.0)])
 def test_a_tracker_publishes_its_calibration(points, variance):
     calibration = Calibration(scale=2.0, position=0.3, heading=0.05)
+    belief = PointsBelief(np.array([[1.0, 2.0, 0.1], [1.2, 2.0, 0.1]])[:points])
     found = {}
     for given in ({}, {"calibration": calibration}):
-        tracker = Tracker(Stays(points), np.random.default_rng(0), **given)
+        tracker = Tracker(Believes(belief), np.random.default_rng(0), **given)
         tracker.odometry(0.0, (0.0, 0.0, 0.0))
         tracker.initialpose(None)
         found[bool(given)] = tracker.at().covariance

@@ -155,14 +155,10 @@ class RechargesTheFuture(ParticleFilter):
 
 
 class NeverNotices(ParticleFilter):
-    """Keeps the future that was drawn by the old plan."""
-
     _redraw = staticmethod(lambda belief, actions, rng: belief)
 
 
 class FirstForgotten(PlanEvidence):
-    """Leaves out the plan shown at reset."""
-
     def __call__(self, belief, plan, rng):
         return belief if len(plan) == 4 else super().__call__(belief, plan, rng)
 

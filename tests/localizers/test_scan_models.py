@@ -21,7 +21,6 @@ ALL = [*MODELS, LatentShare]
 
 
 def phi(z: float) -> float:
-    """The standard normal's distribution function."""
     return 0.5 * math.erfc(-z / math.sqrt(2))
 
 
@@ -36,7 +35,6 @@ def test_a_beam_with_nothing_in_its_way_is_one_whose_wall_is_far_beyond_the_limi
 
 
 def exact_density(model, o: float, expected: float) -> float:
-    """A beam's density, or mass, by the formulas alone."""
     sigma, seen = model.sigma, min(expected, MAX)
     normal = math.exp(-0.5 * ((o - expected) / sigma) ** 2) / (sigma * math.sqrt(2 * math.pi))
     if isinstance(model, BeamModel):
@@ -130,7 +128,6 @@ def told(model: LidarScan, ranges: np.ndarray, poses: np.ndarray = POSES) -> np.
 
 
 def only(scan: LidarScan, beam: int) -> np.ndarray:
-    """The likelihood of one beam, all others being unusable."""
     ranges = np.full(5, NAN)
     ranges[beam] = SCAN[beam]
     return told(scan, ranges)
@@ -210,9 +207,7 @@ def scan_models(draw, x1: float, y1: float) -> LidarScan:
 
 
 @given(data=st.data(), x1=st.floats(5, 800), y1=st.floats(5, 800))
-def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_number_of_beams(
-    data, x1, y1
-):
+def test_no_pose_outside_is_likelier_than_one_inside_whatever_the_scan(data, x1, y1):
     model, share = data.draw(scan_models(x1, y1)), st.floats(0.01, 0.99)
     most = model.lidar.max_range
     truth = np.array([x1 * data.draw(share), y1 * data.draw(share), data.draw(st.floats(-3, 3))])
@@ -240,9 +235,7 @@ def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_num
 
 @pytest.mark.parametrize("beam", [model() for model in ALL])
 @given(used=st.integers(0, 80), lost=st.integers(0, 80))
-def test_where_any_measurement_is_possible_each_usable_beam_counts_minus_thirty(
-    room, beam, used, lost
-):
+def test_outside_the_walls_each_usable_beam_counts_minus_thirty(room, beam, used, lost):
     lidar = Lidar(beams=used + lost + 1, field_of_view=6.0, max_range=400.0)
     model = LidarScan(floor_plan=room, lidar=lidar, beam=beam)
     ranges = np.concatenate([np.full(used, 200.0), np.full(lost + 1, np.nan)])
@@ -254,7 +247,6 @@ OF_SHARES = [(0.05, 2.0), (0.5, 0.3), (0.2, 50.0)]
 
 
 def parts(model, ranges, expected):
-    """p_hit and p_any of each beam, (n, B) each."""
     return [
         density(CensoredGaussianUniform(sigma=model.sigma, uniform=share), ranges, expected, MAX)
         for share in (0.0, 1.0)
@@ -267,9 +259,7 @@ def log_beta(a: float, b: float) -> float:
 
 @pytest.mark.parametrize("power", [1.0, 0.3])
 @pytest.mark.parametrize(("uniform", "concentration"), OF_SHARES)
-def test_it_is_the_sum_over_which_beams_are_unexplained_weighed_by_the_moments_of_their_share(
-    uniform, concentration, power
-):
+def test_it_is_the_sum_over_which_beams_are_unexplained(uniform, concentration, power):
     model = LatentShare(sigma=20.0, uniform=uniform, concentration=concentration, power=power)
     a, b = concentration * uniform, concentration * (1 - uniform)
     ranges = np.array([50.0, 0.0, MAX, 200.0, 120.0, 119.0])

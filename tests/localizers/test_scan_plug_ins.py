@@ -1,4 +1,4 @@
-"""Scan models from other people's code: found, checked, keyed by their code, used by filters."""
+"""Scan models from other people's code: found, keyed by their code, used by filters; their laws."""
 
 import copy
 import pickle
@@ -10,11 +10,13 @@ from following import follow, same
 from refusals import refused
 
 import localizers
+from benchmarks.checks import check
+from benchmarks.cli import main
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, guest_of, key_of
-from localizers.models.scan import LidarScan, Scan
+from localizers.models.scan import BEAM_MODELS, LidarScan, Scan
 from localizers.registry import ScanPlugIn
 
 MODEL = """
@@ -54,18 +56,12 @@ def file(tmp_path):
     return path
 
 
-def assuming(file, **more):
-    return replace(TRIAL, assumed={"scan.kind": f"{file}:Same", **more})
-
-
 def errors(trial):
     return [moment.belief.points()[0].tolist() for moment in Stage.of(trial).moments()][:20]
 
 
 @pytest.mark.parametrize("name", ["mcl", "mcl-map-smoother", "deq-mcl-fresh", "mcl-plan-hedged"])
-def test_a_plug_in_that_is_the_built_in_model_gives_the_same_beliefs(
-    file, robot, prior, drive, name
-):
+def test_a_plug_in_like_the_built_in_model_gives_its_beliefs(file, robot, prior, drive, name):
     ours = replace(robot, scan=localizers.GaussianUniform(sigma=30.0))
     theirs = replace(robot, scan=ScanPlugIn(kind=str(file), params={"sigma": 30.0}))
     runs = [
@@ -105,7 +101,8 @@ def test_a_scenario_and_a_sweep_find_it_from_their_own_folder(file, tmp_path):
 
 def test_its_code_and_the_files_it_ships_are_in_the_key_of_a_trial(file, tmp_path):
     (tmp_path / "room.toml").write_text('base = "guided"\nassumed.scan.kind = "mine.py"\n')
-    trials = assuming(file), replace(TRIAL, scenario=f"{tmp_path}/room.toml")
+    kind = replace(TRIAL, assumed={"scan.kind": f"{file}:Same"})
+    trials = kind, replace(TRIAL, scenario=f"{tmp_path}/room.toml")
     for trial in trials:
         assert f"{file}:Same" in guest_of(trial).split()
     before = [key_of(trial) for trial in trials]
@@ -140,10 +137,7 @@ def test_a_model_that_answers_amiss_fails_its_trial_in_a_sentence(tmp_path, answ
         ("gausian-uniform", ["did you mean 'gaussian-uniform'?", "or your own as file.py:NAME"]),
     ],
 )
-def test_what_is_no_scan_model_is_refused_before_anything_runs(
-    file, tmp_path, monkeypatch, kind, words
-):
-    monkeypatch.chdir(tmp_path)
+def test_what_is_no_scan_model_is_refused_at_once(file, here, kind, words):
     with refused(*words):
         Stage.of(replace(TRIAL, assumed={"scan.kind": kind})).check()
 
@@ -174,3 +168,57 @@ def test_what_looks_at_single_beams_refuses_a_model_of_whole_scans(file, robot, 
     known = replace(robot, scan=ScanPlugIn(kind=str(file)))
     with refused("scan model"):
         localizers.make(name, known, **params)
+
+
+ASKED = """
+import numpy as np
+
+
+class Model:
+    def __init__(self, floor_plan, lidar):
+        self.floor_plan, self.lidar, self.asked = floor_plan, lidar, 0
+
+    def log_likelihood(self, states, scan):
+        self.asked += 1
+        expected = self.lidar.ranges(self.floor_plan, states, scan.usable)
+        found = -np.abs(np.nan_to_num(expected) - scan.ranges[scan.usable]).sum(axis=1)
+        {}
+        return found
+"""
+
+
+@pytest.mark.parametrize("kind", BEAM_MODELS)
+def test_our_scan_models_keep_all_laws(kind):
+    assert check("scan models", kind).failed == ()
+
+
+@pytest.mark.parametrize(
+    ("law", "code"),
+    [
+        ("answers with numbers", "found = found[1:]"),
+        ("answers with numbers", "found[0] = np.nan if scan.beams < scan.ranges.size else 0"),
+        ("same input same answer", "found += self.asked"),
+        ("inputs not changed", "states[2] = 0"),
+        ("each pose by itself", "found -= found.max()"),
+        ("global rng untouched", "np.random.random()"),
+        ("the truth is likelier", "found[:] = 0"),
+    ],
+)
+def test_each_law_is_broken_by_a_scan_model(tmp_path, law, code):
+    (tmp_path / "mine.py").write_text(ASKED.format(code))
+    failed = [verdict.law for verdict in check("scan models", f"{tmp_path}/mine.py").failed]
+    assert law in failed
+
+
+def test_the_command_tries_a_plug_in_and_tells_of_each_law(here, capsys):
+    (here / "mine.py").write_text(ASKED.format(""))
+    assert main(["check", "mine.py:Model", "--scan"]) == 0
+    assert "mine.py:Model keeps all laws of scan models." in capsys.readouterr().out
+    (here / "mine.py").write_text(ASKED.format("found[:] = 0"))
+    assert main(["check", "mine.py:Model", "--scan"]) == 3
+    assert "'the truth is likelier'" in capsys.readouterr().err
+
+
+def test_a_scan_model_that_is_none_is_refused():
+    with refused("unknown kind of scan 'beam'", "did you mean 'beam-model'"):
+        check("scan models", "beam")

@@ -37,14 +37,12 @@ def tracker_of(lap, name="mcl", every=NEAR, **params):
 
 
 def messages(log):
-    """Odometry and scans in the order of their stamps, odometry first."""
     for record in log:
         yield "odometry", record.time, record.odometry
         yield "scan", record.time, record.ranges
 
 
 def fed(tracker, given):
-    """What is believed after each update."""
     found = []
     for kind, time, value in given:
         if getattr(tracker, kind)(time, value):
@@ -58,8 +56,6 @@ def begun(tracker, log):
 
 
 class Follows:
-    """Adds up the odometry: the cheapest localizer."""
-
     def reset(self, prior, plan, rng):
         self.pose = np.array(prior.mean)
         return PointsBelief(np.array([self.pose, self.pose + 0.1]))

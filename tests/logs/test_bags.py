@@ -48,11 +48,6 @@ def test_static_transforms_say_the_mounting_through_a_chain_and_upside_down(tmp_
         assert log.scanner.rays((x, y, heading))[0, :2] == pytest.approx(at[:2])
 
 
-def test_a_tilted_scanner_is_refused(tmp_path):
-    with refused(f"{tmp_path / 'x'}: ", "tilted by 29°"):
-        logs.read(bag(tmp_path / "x", *drive(mounted(roll=0.5))))
-
-
 def test_frames_that_share_a_topic_are_not_mixed(tmp_path):
     back = [("/scan", SCAN, scan(t, "back", (4.0,) * 3)) for t in (0.6, 1.1)]
     log, warned = read_and_warned(bag(tmp_path / "x", *drive(*back)))
@@ -66,11 +61,6 @@ def test_frames_that_share_a_topic_are_not_mixed(tmp_path):
     assert read_and_warned(path, base_frame="camera")[0].odometry[:, 0].min() == 9.0
     with refused("base_frame 'foot'", "camera"):
         logs.read(path, base_frame="foot")
-
-
-def test_scans_without_stamps_are_refused(tmp_path):
-    with refused("/scan", "stamps"):
-        logs.read(bag(tmp_path / "x", *drive(times=(0.0, 0.0))))
 
 
 @pytest.mark.parametrize("farthest", [0.0, math.inf, math.nan, 3e38])
@@ -121,15 +111,22 @@ def test_topics_are_chosen_by_type_if_there_is_one_and_by_name_if_there_are_seve
     np.testing.assert_allclose(log.reference, log.odometry, atol=1e-12)
 
 
-@pytest.mark.parametrize("messages", [(), [("/odom", ODOMETRY, odometry(0.0, 0.0))]])
-def test_a_bag_without_a_laser_is_refused(tmp_path, messages):
-    with pytest.raises(InputError, match=r"no topic of type sensor_msgs/msg/LaserScan; its topics"):
-        logs.read(bag(tmp_path / "x", *messages))
+LASERLESS = "no topic of type sensor_msgs/msg/LaserScan; its topics"
 
 
-def test_a_bag_with_an_empty_laser_topic_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no usable record"):
-        read_and_warned(bag(tmp_path / "x", *drive(("/scan", SCAN, None), times=())))
+@pytest.mark.parametrize(
+    ("messages", "words"),
+    [
+        ((), LASERLESS),
+        ([("/odom", ODOMETRY, odometry(0.0, 0.0))], LASERLESS),
+        (drive(("/scan", SCAN, None), times=()), "no usable record"),
+        (drive(times=(0.0, 0.0)), "have no stamps (all are 0)"),
+        (drive(mounted(roll=0.5)), "tilted by 29°"),
+    ],
+)
+def test_a_bag_without_scans_that_can_be_used_is_refused(tmp_path, messages, words):
+    with refused(f"{tmp_path / 'x'}", words):
+        read_and_warned(bag(tmp_path / "x", *messages))
 
 
 @pytest.mark.parametrize(
@@ -143,9 +140,7 @@ def test_a_bag_with_an_empty_laser_topic_is_refused(tmp_path):
          "1 with a scan whose angles are not finite"),
     ],
 )  # fmt: skip
-def test_a_scan_that_nobody_knows_the_place_or_the_angles_of_is_counted(
-    tmp_path, more, times, kept, said
-):
+def test_a_scan_without_a_place_or_angles_is_counted(tmp_path, more, times, kept, said):
     messages = [*drive(times=times), *([more] if more else [])]
     log, warned = read_and_warned(bag(tmp_path / "x", *messages))
     assert log.times.tolist() == kept

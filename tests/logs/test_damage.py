@@ -28,8 +28,6 @@ def carmen_lines(n=12):
 
 @pytest.fixture
 def read_lines(tmp_path):
-    """Read a CARMEN log of such lines: the log and what was warned of."""
-
     def read(lines):
         (tmp_path / "x.log").write_text("\n".join([VIEW, *lines]))
         return read_and_warned(tmp_path / "x.log")
@@ -39,7 +37,6 @@ def read_lines(tmp_path):
 
 @pytest.fixture
 def csv(tmp_path):
-    """The path of an episode's log, and the lines of its text."""
     logs.write(episode(), tmp_path / "x.csv")
     return tmp_path / "x.csv", (tmp_path / "x.csv").read_text().splitlines()
 

@@ -125,13 +125,12 @@ def test_covariances_of_another_shape_are_refused_and_unknown_ones_kept(shape):
     assert np.isnan(logs.Trajectory([1.0], np.zeros((1, 3)), covariances=unknown).covariances).all()
 
 
-def test_the_command_scores_a_bag_s_amcl_pose_with_its_covariance(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_the_command_scores_a_bag_s_amcl_pose_with_its_covariance(here):
     logs.Trajectory(TIMES, POSES).write("true.tum")
     spread = np.diag([0.04, 0.04, 0.01])
     off = POSES + np.array([0.2, 0.0, 0.0])  # one standard deviation
     rows = zip(TIMES, off, strict=True)
-    bag(tmp_path / "nav", *(("/amcl_pose", COVARIANT, posed(*row, spread)) for row in rows))
+    bag(here / "nav", *(("/amcl_pose", COVARIANT, posed(*row, spread)) for row in rows))
     words = ("score", "nav:/amcl_pose", "--reference", "true.tum", "--out", "scored")
     assert exit_code(*words) == 0
     with open("scored/results.csv", newline="") as file:

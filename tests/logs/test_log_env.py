@@ -32,7 +32,6 @@ LOG_ID = "deqmcl_gym:deqmcl_gym/Log-v0"
 
 
 def played(env, seed=None):
-    """What the env says at reset and at each step."""
     said = [(*env.reset(seed=seed), 0.0, False, False)]
     while not said[-1][3]:
         scan, reward, ended, truncated, info = env.step(env.unwrapped.next_action)
@@ -41,7 +40,6 @@ def played(env, seed=None):
 
 
 def of_walls(changes):
-    """Settings of changed walls."""
     return {f"world.changed_walls.{name}": value for name, value in changes.items()}
 
 
@@ -272,11 +270,9 @@ ENV = 'log = "lap.csv"\nmap = "hall.yaml"\nreference = "lap.tum"\nsegment = 1.0\
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """The current folder, with a log and a map."""
-    monkeypatch.chdir(tmp_path)
-    write_lap(recorded_in_a_hall(steps=30), tmp_path)
-    return tmp_path
+def folder(here):
+    write_lap(recorded_in_a_hall(steps=30), here)
+    return here
 
 
 @pytest.mark.parametrize("word", WORDS)

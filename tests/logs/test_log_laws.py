@@ -11,13 +11,7 @@ from hypothesis import strategies as st
 
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import spacing
-from deqmcl_gym.logs.motion import (
-    composed,
-    dead_reckoned,
-    increments_of,
-    relative,
-    sideways_of,
-)
+from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of, relative, sideways_of
 from deqmcl_gym.validation import InputError
 
 
@@ -197,9 +191,7 @@ def test_records_that_share_a_stamp_keep_the_pose_of_each(tmp_path, ending):
 
 @pytest.mark.parametrize("ending", [".csv", ".npz"])
 @pytest.mark.parametrize("damaged", [False, True])
-def test_a_row_without_a_reference_has_none_even_if_another_row_is_damaged(
-    tmp_path, ending, damaged
-):
+def test_a_row_without_a_reference_has_none_beside_a_damaged_row(tmp_path, ending, damaged):
     log, true = drive(10)
     reference = np.where(np.isin(np.arange(10), (0, 4, 9))[:, None], true, np.nan)
     whole = logs.Log(log.scanner, log.times, log.odometry, log.ranges, reference)

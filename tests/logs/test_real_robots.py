@@ -16,13 +16,7 @@ from refusals import refused
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of
-from deqmcl_gym.logs.odometry import (
-    JudgedOdometry,
-    Odometry,
-    Taken,
-    clock_shifts,
-    without_jumps,
-)
+from deqmcl_gym.logs.odometry import JudgedOdometry, Odometry, Taken, clock_shifts, without_jumps
 from deqmcl_gym.logs.scans import no_return_codes
 from deqmcl_gym.logs.trajectory import read_estimate, tolerance_of
 
@@ -65,7 +59,6 @@ def by_tf(times, poses, parent="odom", base="base_footprint", topic="/tf"):
 
 
 def interleaved(times, poses):
-    """Each pose with a scan of its time."""
     pairs = zip(moving(times, poses), scanning(times), strict=True)
     return [message for pair in pairs for message in pair]
 
@@ -84,7 +77,6 @@ LOG = logs.Log(logs.Scanner(angles=(0.0,), max_range=5.0), TIMES, POSES, np.ones
 
 @pytest.fixture
 def heard(tmp_path):
-    """Read a bag of such messages: the log, and what was warned of."""
     made = itertools.count()
 
     def read(*messages, **asked):
@@ -154,10 +146,8 @@ def test_a_slow_step_to_the_origin_is_a_driver_that_begins_anew_only_at_heading_
 def test_a_reference_that_jumps_or_is_tilted_is_told(tmp_path):
     jumped = POSES.copy()
     jumped[:5] = 0.0
-    rows = np.column_stack([TIMES, jumped])
-    log = logs.Log(logs.Scanner(angles=(0.0,), max_range=5.0), TIMES, POSES, np.ones((41, 1)))
     with pytest.warns(logs.LogWarning, match=r"jumps farther than a robot drives, once, .* m"):
-        logs.referenced(log, logs.Trajectory(rows[:, 0], rows[:, 1:]))
+        logs.referenced(LOG, logs.Trajectory(TIMES, jumped))
     half = POSES[:, 2] / 2
     sine, cosine, none = np.sin(half), np.cos(half), np.zeros(41)
     tilted = {
@@ -194,7 +184,6 @@ READINGS = {  # what stands for no return, and what a log has for it
 
 
 def one_reading(path, reading):
-    """The second of three ranges in a log of this name, with limits 0.1 and 3."""
     ranges = (1.0, reading, 2.0)
     if path.suffix == ".csv":
         path.write_text(
@@ -314,11 +303,6 @@ def test_a_scan_of_no_beam_or_of_fewer_costs_no_record(heard):
     assert np.isfinite(log.ranges).sum(axis=1).tolist() == sizes
 
 
-def judged(times, poses):
-    unknown = np.full(len(times), NAN)
-    return JudgedOdometry.of(np.arange(len(times)), unknown, np.column_stack([times, poses]), "m")
-
-
 @settings(max_examples=60)
 @given(
     at=st.integers(1, 39),
@@ -326,14 +310,13 @@ def judged(times, poses):
     back=st.sampled_from([0.0, 1.5, 60.0, 1e6]),
     doubled=st.sets(st.integers(0, 39)),
 )
-def test_odometry_that_begins_anew_or_comes_twice_has_the_increments_that_the_robot_drove(
-    at, frame, back, doubled
-):
+def test_odometry_that_begins_anew_or_comes_twice_has_true_increments(at, frame, back, doubled):
     moved = composed(np.array([frame] * 41), POSES)
     sent = np.where(np.arange(41)[:, None] >= at, moved, POSES)
     stamps = TIMES - back * (np.arange(41) >= at)
-    order = sorted([*range(41), *doubled])  # each doubled message follows itself
-    found = judged(stamps[order], sent[order])
+    order = np.sort([*range(41), *doubled])  # each doubled message follows itself
+    timed = np.column_stack([stamps, sent])[order]
+    found = JudgedOdometry.of(np.arange(len(order)), np.full(len(order), NAN), timed, "m")
     jumped = np.concatenate([np.array(one.poses) for one in found.stretches])
     steps, true = increments_of(jumped), increments_of(POSES)
     true[at - 1] = 0.0  # at the jump itself, nothing is known of the motion
@@ -504,7 +487,6 @@ def test_a_pose_out_of_order_or_without_a_stamp_and_a_covariance_that_is_none_ar
 
 
 def raw(times, poses):
-    """CARMEN lines without CARMEN's robot module."""
     lines = ["PARAM robot_frontlaser_offset 0.2 0 nohost 0"]
     for t, (x, y, heading) in zip(times, poses, strict=True):
         lines.append(f"ODOM {x} {y} {heading} 0 0 0 {t} host {t}")
@@ -544,21 +526,22 @@ def test_flaser_of_another_lidar_has_the_angles_of_param_or_of_an_argument(tmp_p
         assert degrees == pytest.approx(-view / 2 + step * np.arange(beams))
 
 
-def test_the_parts_of_a_bag_are_one_log(tmp_path):
-    whole = interleaved(TIMES, POSES)
-    paths = [tmp_path / name for name in ("whole", "first", "second")]
-    for path, some in zip(paths, (whole, whole[:30], whole[30:]), strict=True):
-        fixed = [] if path == paths[2] else [placed(0.1, 0.0, 0.0)]
-        bag(path, *fixed, *some, first=100 * (path == paths[2]))
-    one, _ = read_and_warned(paths[0])
-    other, warned = read_and_warned(paths[1:])
-    assert warned == ""
+@pytest.mark.parametrize("doubled", [0, 10])
+def test_the_parts_of_a_bag_are_one_log_whatever_their_order_and_where_they_overlap(
+    tmp_path, doubled
+):
+    fixed, drive = placed(0.1, 0.0, 0.0), interleaved(TIMES, POSES)
+    one, _ = read_and_warned(bag(tmp_path / "whole", fixed, *drive))
+    paths = [bag(tmp_path / "second", *drive[30:], first=31)]
+    paths.append(bag(tmp_path / "first", fixed, *drive[: 30 + 2 * doubled]))
+    other, warned = read_and_warned(paths)
+    assert warned == "" if doubled == 0 else f"{doubled} doubled" in warned
     assert other.source.endswith("and 1 more")
     np.testing.assert_array_equal(one.times, other.times)
     np.testing.assert_array_equal(one.odometry, other.odometry)
     assert one.scanner == other.scanner
     (tmp_path / "x.csv").write_text("")
-    for files in ([tmp_path / "x.csv"] * 2, [paths[1], tmp_path / "x.csv"]):
+    for files in ([tmp_path / "x.csv"] * 2, [paths[0], tmp_path / "x.csv"]):
         with refused("only bags have several parts"):
             logs.read(files)
 
@@ -590,17 +573,6 @@ def test_a_turned_message_is_seen_from_above(heard):
         message.pose.pose.orientation = quaternion(roll=0.05, yaw=heading)
     log, _ = heard(*messages, *scanning(TIMES))
     np.testing.assert_allclose(log.odometry, POSES, atol=3e-3)  # 1 - cos(0.05 rad) of the heading
-
-
-def test_doubled_scans_count_once_and_parts_that_overlap_are_one_log(tmp_path):
-    drive = interleaved(TIMES, POSES)
-    whole, _ = read_and_warned(bag(tmp_path / "whole", *drive))
-    bag(tmp_path / "first", *drive[:50])
-    bag(tmp_path / "second", *drive[30:], first=30)
-    log, warned = read_and_warned([tmp_path / "second", tmp_path / "first"])  # in any order
-    assert "10 doubled" in warned
-    np.testing.assert_array_equal(log.times, whole.times)
-    np.testing.assert_array_equal(log.odometry, whole.odometry)
 
 
 @pytest.mark.parametrize("frame", ["map", "world"])

@@ -19,7 +19,6 @@ IN_ROWS = (".csv", ".csv.gz", ".npz")  # formats with the reference in the recor
 
 
 def bent():
-    """A log of beams that are not evenly spaced."""
     log = real()
     scanner = logs.Scanner(angles=(*log.scanner.angles[:-1], 1.5), max_range=8.0)
     return logs.Log(scanner, log.times, log.odometry, log.ranges)
@@ -68,9 +67,7 @@ readings = st.one_of(st.floats(0.5, 78.5, width=32), st.sampled_from([0.0, 79.0,
     between=st.sampled_from([" ", "  ", "\t"]),
     ending=st.sampled_from(["\n", "\r\n", "\n\n"]),
 )  # fmt: skip
-def test_carmen_lines_of_other_programs_are_read_as_they_stand(
-    tmp_path_factory, rows, kind, between, ending
-):
+def test_carmen_lines_are_read_as_they_stand(tmp_path_factory, rows, kind, between, ending):
     rows = sorted(rows, key=lambda row: row[0])
     path = tmp_path_factory.getbasetemp() / "generated.log"
     lines = ["# comment", "PARAM robot_frontlaser_offset 0.25 0 nohost 0", "SYNC x 0 nohost 0"]

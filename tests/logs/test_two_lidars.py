@@ -19,14 +19,10 @@ AHEAD = Mount(x=0.3, y=0.1, heading=0.2)
 BEHIND = Mount(x=-0.4, y=-0.1, heading=3.0, upside_down=True)
 
 
-def hall():
-    cells = np.zeros((60, 90), np.int8)  # 9 m x 6 m
-    cells[[0, -1]] = cells[:, [0, -1]] = 100
-    cells[25:32, 60:70] = cells[1:9, 20:28] = 100
-    return GridMap(occupancy=cells, resolution=0.1)
-
-
-HALL = hall()
+CELLS = np.zeros((60, 90), np.int8)  # 9 m x 6 m
+CELLS[[0, -1]] = CELLS[:, [0, -1]] = 100
+CELLS[25:32, 60:70] = CELLS[1:9, 20:28] = 100
+HALL = GridMap(occupancy=CELLS, resolution=0.1)
 
 
 def pose_at(times):

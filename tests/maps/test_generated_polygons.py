@@ -18,7 +18,6 @@ quietly = settings(suppress_health_check=list(HealthCheck))
 
 
 def made(plan: dict) -> PolygonMap | str:
-    """The floor plan, or the sentence that refuses it."""
     try:
         return PolygonMap(**plan)
     except InputError as refused:
@@ -29,7 +28,6 @@ def made(plan: dict) -> PolygonMap | str:
 
 
 def crosses_itself(polygon: list) -> bool:
-    """Whether two edges cross inside both, in exact arithmetic."""
     corners = [(Fraction(x), Fraction(y)) for x, y in polygon]
     edges = list(zip(corners, corners[1:] + corners[:1], strict=True))
 

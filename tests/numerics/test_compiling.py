@@ -158,9 +158,7 @@ def test_without_sources_kernels_work_too_and_none_is_kept(tmp_path):
     assert not list(tmp_path.rglob("*.nbi"))
 
 
-def test_who_waits_for_the_compiler_at_a_terminal_is_told_once_and_a_pipe_is_not(
-    monkeypatch, capsys
-):
+def test_who_waits_for_the_compiler_is_told_once_and_a_pipe_is_not(monkeypatch, capsys):
     monkeypatch.setattr(compiling, "_say_compiling", cache(compiling._say_compiling.__wrapped__))
     compiling._say_compiling()
     assert capsys.readouterr().err == ""

@@ -10,7 +10,6 @@ from sweep_command import sweep, write_small
 
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory):
-    """The finished process ``deqmcl paper`` with two workers, and its output folder."""
     out = tmp_path_factory.mktemp("two_workers") / "results" / "paper"
     return process(DEQMCL, *SMALL, "--jobs", "2", "--out", out), out
 
@@ -25,13 +24,11 @@ def one_worker(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def file(tmp_path_factory):
-    """A small sweep file."""
     return write_small(tmp_path_factory.mktemp("file"))
 
 
 @pytest.fixture(scope="session")
 def finished(file, tmp_path_factory):
-    """The folder of a small sweep that was never interrupted."""
     out = tmp_path_factory.mktemp("finished") / "out"
     assert sweep(file, out) == 0
     return out
@@ -39,5 +36,4 @@ def finished(file, tmp_path_factory):
 
 @pytest.fixture
 def copy(finished, tmp_path):
-    """A copy of it, to be spoilt."""
     return Path(shutil.copytree(finished, tmp_path / "copy"))

@@ -30,7 +30,6 @@ def without_report():
 
 
 def write_small(folder, trials=2, particles=15, more="", others=()):
-    """Write a sweep file, with other localizers beside two; return its path."""
     path = folder / "small.toml"
     named = json.dumps(["mcl", "dead-reckoning", *others])
     path.write_text(SMALL.format(trials=trials, particles=particles, localizers=named) + more)
@@ -47,20 +46,16 @@ def sweep(file, out, *more):
 
 
 def report(out, *more):
-    """Run ``deqmcl report`` in this process, the tables only; return its exit code."""
     with without_report() as patched:
         patched.setattr(page, "require_report", lambda: None)
         return exit_code("report", out, *more)
 
 
 def tables(out):
-    """What may depend on nothing but the sweep."""
     return {name: (out / name).read_bytes() for name in TABLES}
 
 
 class broken(MyLocalizer):  # noqa: N801
-    """Fails in each trial."""
-
     def __init__(self, robot, **params):
         pass
 

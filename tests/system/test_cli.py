@@ -91,7 +91,7 @@ def test_no_env_needs_benchmarks_and_what_hides_localizers_is_named(tmp_path):
         (KeyboardInterrupt(), 130, "deqmcl: interrupted; finished trials are kept.\n"),
     ],
 )
-def test_a_run_that_fails_says_why_on_one_line_and_with_debug_where(
+def test_a_run_that_fails_says_why_and_with_debug_where(
     capsys, monkeypatch, tmp_path, error, code, said
 ):
     def fail(*_, **__):
@@ -107,9 +107,7 @@ def test_a_run_that_fails_says_why_on_one_line_and_with_debug_where(
         assert caught.value is error
 
 
-def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_cannot_be_loaded(
-    monkeypatch, capsys
-):
+def test_the_list_shows_all_kinds_even_if_one_cannot_be_loaded(monkeypatch, capsys):
     broken = (*localizers.names(), "no_such_module:Theirs")
     monkeypatch.setattr(localizers, "names", lambda: broken)
     assert exit_code("list", "--all") == 0
@@ -147,7 +145,6 @@ linux = pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no f
 
 
 def shell(redirected, *arguments, **how):
-    """Run the command by a shell that redirects its streams."""
     command = ("bash", "-c", f'"$0" -m benchmarks "$@" {redirected}', sys.executable)
     return process(*command, *arguments, **how)
 

@@ -1,12 +1,16 @@
-"""A bad command line or sweep file: one sentence on stderr, exit code 2, nothing written."""
+"""A bad command line or folder: one sentence on stderr, exit code 2, nothing written over."""
 
 import os
+import shutil
 import sys
 import tempfile
+from pathlib import Path
 
 import pytest
+from deqmcl_command import exit_code, files
 from sweep_command import write_small
 
+pytestmark = pytest.mark.usefixtures("here")  # where the default of --out is, too
 RUN = ("run", "--localizer", "mcl", "--out", "out")
 MAP = ("new", "map", "--out", "out")
 
@@ -42,17 +46,10 @@ BAD = [  # arguments, and what the sentence must name
 ]
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # so is the default of --out
-
-
 @pytest.mark.parametrize(
     ("arguments", "named"), BAD, ids=[" ".join(map(str, case[0])) or "nothing" for case in BAD]
 )
-def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
-    refusal, arguments, named
-):
+def test_a_bad_command_line_is_refused_and_nothing_is_written(refusal, arguments, named):
     refusal(arguments, *named)
     assert os.listdir() == []
 
@@ -61,9 +58,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
     ("command", "out"),
     [("paper", "file"), ("run --localizer mcl", "file/below"), ("sweep quick", "file/far/below")],
 )
-def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
-    tmp_path, refusal, command, out
-):
+def test_an_output_path_that_is_a_file_is_refused_and_kept(tmp_path, refusal, command, out):
     (tmp_path / "file").write_text("precious")
     refusal([*command.split(), "--out", tmp_path / out], "output folder", str(tmp_path / out))
     assert os.listdir() == ["file"]
@@ -71,7 +66,6 @@ def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
 
 
 def points(*counts):
-    """Axes with so many values each."""
     return "".join(
         f"\n[[vary]]\nworld.noise.{name} = {list(range(count))}"
         for name, count in zip(("drive", "turn", "drift"), counts, strict=False)
@@ -100,9 +94,7 @@ BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence mu
     BAD_SWEEPS,
     ids=[(case[0][:50] or str(case[1])) for case in BAD_SWEEPS],
 )
-def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
-    tmp_path, refusal, more, arguments, named
-):
+def test_a_sweep_that_cannot_be_run_is_refused_at_once(tmp_path, refusal, more, arguments, named):
     write_small(tmp_path, more=more)
     refusal(["sweep", "small.toml", "--out", "out", *arguments], *named)
     assert os.listdir() == ["small.toml"]
@@ -124,9 +116,7 @@ def test_dask_that_is_not_installed_is_said_with_the_pip_command(file, monkeypat
     refusal(["sweep", file, "--dask", "tcp://a:1"], "pip install 'deqmcl-gym[dask]'")
 
 
-def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(
-    file, tmp_path, monkeypatch, refusal
-):
+def test_a_working_folder_that_is_gone_is_named(file, tmp_path, monkeypatch, refusal):
     gone, out = tmp_path / "gone", tmp_path / "out"
     gone.mkdir()
     monkeypatch.chdir(gone)
@@ -134,3 +124,63 @@ def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(
     for command in (("list",), ("sweep", file, "--out", out)):
         refusal(command, "the current folder is gone: change to one that exists.")
     assert not out.exists()
+
+
+FEW = ("--particles", "20", "--lag", "3")
+WRITERS = {
+    "sweep": ("sweep", "quick", "--jobs", "1"),
+    "paper": ("paper", "--trials", "1", "--localizers", "dead-reckoning", *FEW, "--jobs", "1"),
+    "run": ("run", "--localizer", "dead-reckoning", *FEW),
+    "report": ("report",),
+}
+
+
+@pytest.fixture(scope="module")
+def lap(tmp_path_factory):
+    out = tmp_path_factory.mktemp("lap")
+    assert exit_code(*WRITERS["run"], "--out", out) == 0
+    return out
+
+
+@pytest.fixture
+def refused(finished, refusal):
+    def of(command, out):
+        before = files(Path(out))
+        results = [finished] if command == "report" else []
+        refusal([*WRITERS[command], *results, "--out", out], str(out))
+        assert files(Path(out)) == before
+
+    return of
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [("sweep", ".notes.tmp"), ("paper", "a"), ("report", "report.txt"), ("run", "images/mine.svg")],
+)
+def test_a_folder_that_is_not_ours_is_refused(tmp_path, refused, command, name):
+    (tmp_path / "mine" / name).parent.mkdir(parents=True)
+    (tmp_path / "mine" / name).write_text("mine")
+    refused(command, tmp_path / "mine")
+
+
+@pytest.mark.parametrize("command", WRITERS)
+def test_a_folder_of_another_command_is_refused(tmp_path, finished, lap, refused, command):
+    other = finished if command == "run" else lap
+    refused(command, shutil.copytree(other, tmp_path / "other"))
+
+
+def test_a_lap_is_run_again_into_its_folder_beside_a_file_of_the_users(lap, refusal):
+    before = files(lap)
+    (lap / "notes.txt").write_text("mine")
+    (lap / "error.csv").write_text("edited")
+    assert exit_code(*WRITERS["run"], "--out", lap) == 0
+    assert files(lap) == before | {"notes.txt": b"mine"}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="names there are text")
+def test_a_report_is_written_into_a_folder_whose_name_is_no_text(tmp_path):
+    out = os.fsdecode(os.fsencode(tmp_path) + b"/d\xe9")
+    assert exit_code("sweep", write_small(tmp_path, trials=1), "--jobs", "1", "--out", out) == 0
+    assert exit_code("report", out) == 0
+    with open(os.path.join(out, "report.html"), encoding="utf-8") as file:
+        assert r"/d\xe9&#39;" in file.read()

@@ -1,4 +1,4 @@
-"""The commands of docs/sweeps.md and docs/reports.md, and the scenario there, of 15 lines."""
+"""Scenarios of one's own: those of docs/sweeps.md, and one with a map beside its file."""
 
 import json
 import re
@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from deqmcl_command import exit_code
+from deqmcl_command import exit_code, files
 from sweep_command import without_report
 
-from benchmarks.setup.names import scenario
+from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.maps.office import Office
+from deqmcl_gym import GridMap, Office
 
 PAGE = Path(__file__).parents[2] / "docs" / "sweeps.md"
 BLOCKS = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
@@ -24,16 +24,11 @@ FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
 
 @pytest.fixture
-def room(tmp_path, monkeypatch):
+def room(here):
     assert len(ROOM.splitlines()) == 15
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "room.toml"
+    path = here / "room.toml"
     path.write_text(ROOM)
     return path
-
-
-def few_of(command):
-    return command.replace(" --set params.particles=300", "").replace("worlds 40", "worlds 20")
 
 
 @pytest.mark.parametrize("page", [PAGE, REPORTS], ids=lambda page: page.stem)
@@ -44,7 +39,8 @@ def test_the_commands_of_a_page_work_as_they_stand_one_after_the_other(room, cap
     with without_report() as patched:
         patched.setattr("benchmarks.report.page.require_report", lambda: None)
         for command in commands.splitlines():
-            words = shlex.split(few_of(command))
+            short = command.replace(" --set params.particles=300", "")
+            words = shlex.split(short.replace("worlds 40", "worlds 20"))
             if words[0] != "deqmcl":
                 subprocess.run(command, shell=True, check=True)
                 continue
@@ -102,3 +98,61 @@ def test_a_mistake_in_it_is_said_in_one_sentence_and_nothing_is_written(room, re
     for command in (("run", "--localizer", "mcl"), ("paper",)):
         refusal([*command, *FEW, "--out", "out"], said)
     assert [path.name for path in room.parent.iterdir()] == ["room.toml"]
+
+
+ROUTE = """[env.lap]
+waypoints = [[1.0, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]
+[env.lidar]
+beams = 16
+field_of_view = 6.283
+sigma = 0.1
+[assumed.scan]
+sigma = 0.1
+"""
+WAYS = {
+    "[env]\nfloor_plan = 'maps/hall.yaml'\n": True,
+    "[env.floor_plan]\nfile = 'maps/hall.yaml'\nunknown = 'free'\n": False,
+}
+
+
+@pytest.fixture
+def hall(tmp_path, monkeypatch):
+    cells = np.pad(np.zeros((66, 86), np.int8), 1, constant_values=100)
+    cells[28:40, 28:60] = 100
+    cells[60:, 80:] = -1
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    GridMap(occupancy=cells, resolution=0.05).save(tmp_path / "maps" / "hall.yaml")
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    return tmp_path
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_its_path_is_seen_from_the_scenarios_folder(hall, way):
+    (hall / "hall.toml").write_text(way + ROUTE)
+    floor_plan = scenario("../hall.toml").world.floor_plan
+    assert isinstance(floor_plan, GridMap)
+    assert floor_plan.solid[-3, -3] == WAYS[way]
+
+
+def test_an_edit_of_the_map_is_another_scenario(hall):
+    (hall / "hall.toml").write_text(next(iter(WAYS)) + ROUTE)
+    before = scenario_digest("../hall.toml")
+    assert scenario_digest("../hall.toml") == before
+    yaml = hall / "maps" / "hall.yaml"
+    yaml.write_text(yaml.read_text().replace("0.05", "0.051"))
+    assert scenario_digest("../hall.toml") != before
+
+
+def test_a_new_map_is_the_office(tmp_path, capsys, refusal):
+    out = tmp_path / "new"
+    size = ["--wings", "2", "--corridors", "1", "--corridor", "1.5", "--door", "1.1"]
+    given = ["new", "map", "--seed", "5", *size, "--symmetric", "--out", out]
+    assert exit_code(*given) == 0
+    assert "office.yaml" in capsys.readouterr().out
+    office = Office(seed=5, wings=2, corridors=1, corridor=1.5, door=1.1, symmetric=True)
+    assert (GridMap.load(out / "office.yaml").solid == office.grid.solid).all()
+    written = files(out)
+    assert [*written] == ["office.pgm", "office.yaml"]
+    refusal(given, "is not empty")
+    assert files(out) == written

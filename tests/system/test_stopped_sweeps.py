@@ -1,4 +1,4 @@
-"""A sweep that is stopped, killed or hung: what stays, and that it goes on as if nothing was."""
+"""A sweep that is stopped, killed, hung or loses a Dask worker goes on as if nothing was."""
 
 import os
 import signal
@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from deqmcl_command import DEQMCL, files, process, records
 from sweep_command import sweep, tables, write_small
+
+from benchmarks.execution import engines
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
@@ -42,7 +44,6 @@ class Running:
         )
 
     def pids(self):
-        """Its processes that live."""
         found = []
         for folder in Path("/proc").iterdir():
             try:
@@ -166,3 +167,36 @@ def test_a_signal_is_not_lost_wherever_it_comes(script, words, ended):
     command = [sys.executable, "-c", script, *(str(int(word)) for word in words)]
     done = process(*command, preexec_fn=_hear_ctrl_c, timeout=PATIENCE / 2)
     assert (done.returncode, done.stdout, done.stderr) == ended
+
+
+def run(file, out, *more, flag):
+    command = (sys.executable, TROUBLED, "sweep", file, "--out", out, "--with", "die-once")
+    return process(*command, *more, env=os.environ | {"TROUBLED_FLAG": str(flag)})
+
+
+@pytest.mark.slow  # every process of the cluster loads all anew
+def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    file, flag = write_small(tmp_path, trials=3), tmp_path / "flag"
+    here = run(file, tmp_path / "here", "--jobs", "1", flag=flag)
+    assert here.returncode == 0, here.stderr
+    flag.touch()
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+        address = cluster.scheduler_address
+        there = run(file, tmp_path / "there", "--jobs", "2", "--dask", address, flag=flag)
+    assert there.returncode == 0, there.stderr
+    assert not flag.exists()  # a worker found it and died
+    assert there.stdout.startswith("small: 9 of 9 trials finished.")
+    assert tables(tmp_path / "there") == tables(tmp_path / "here")
+    assert records(tmp_path / "there") == records(tmp_path / "here")
+
+
+def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, refusal, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(engines, "CONNECT_SECONDS", 1)
+    given = ("--out", tmp_path / "out", "--dask", "tcp://127.0.0.1:9")
+    said = "deqmcl: the Dask scheduler 'tcp://127.0.0.1:9' cannot be reached"
+    refusal(["sweep", write_small(tmp_path, trials=1), *given], said)
+    assert not (tmp_path / "out").exists()

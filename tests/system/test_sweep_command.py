@@ -23,9 +23,7 @@ def test_a_sweep_writes_tables_manifest_and_a_line_a_trial(finished):
 
 
 @pytest.mark.parametrize("how", [("--jobs", "2"), ("--jobs", "1", "--timeout", "600")])
-def test_the_numbers_depend_neither_on_processes_nor_on_how_many(
-    file, finished, tmp_path, capsys, how
-):
+def test_the_numbers_do_not_depend_on_processes(file, finished, tmp_path, capsys, how):
     out = tmp_path / "out"
     assert sweep(file, out, *how) == 0
     said = capsys.readouterr()
@@ -44,9 +42,7 @@ def test_jobs_and_timeout_are_no_part_of_what_a_sweep_is(file, copy, ran):
     assert files(copy) == before
 
 
-def test_shards_into_one_folder_or_joined_by_copying_come_to_the_whole(
-    file, finished, tmp_path, capsys, ran
-):
+def test_shards_in_one_folder_or_copied_come_to_the_whole(file, finished, tmp_path, capsys, ran):
     out, other = tmp_path / "out", tmp_path / "other"
     assert sweep(file, out, "--shard", "1/3") == 0
     assert capsys.readouterr().out.startswith(
@@ -95,9 +91,7 @@ def test_combinations_that_are_the_same_are_said_and_run_once(tmp_path, capsys, 
     assert len(ran) == 3
 
 
-def test_without_the_extra_report_a_sweep_has_its_tables_and_names_the_pip_command(
-    tmp_path, monkeypatch, capsys
-):
+def test_without_the_extra_report_a_sweep_has_its_tables(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(page, "find_spec", lambda name: None)
     few = write_small(tmp_path, trials=1)
     assert exit_code("sweep", few, "--jobs", "1", "--out", tmp_path / "out") == 0
@@ -108,16 +102,15 @@ def test_without_the_extra_report_a_sweep_has_its_tables_and_names_the_pip_comma
     assert tables(tmp_path / "out")
 
 
-def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    file = write_small(tmp_path, trials=50, more="\n[[vary]]\nscenario = ['paper', 'sharp']\n")
-    assert sweep(file, tmp_path / "out", "--dry-run") == 0
+def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(here, capsys):
+    file = write_small(here, trials=50, more="\n[[vary]]\nscenario = ['paper', 'sharp']\n")
+    assert sweep(file, here / "out", "--dry-run") == 0
     said = capsys.readouterr().out
     assert "small: 200 trials in 4 cells" in said
     assert "in all cells: L=4" in said
     assert re.search(r"\n50 +≈ \d.* s +sharp mcl particles=15\n", said)
     assert re.search(r"About \d+ (s|min) with 1 job: estimated from one measured trial", said)
-    assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
+    assert [path.name for path in here.iterdir()] == ["small.toml"]
 
 
 @pytest.mark.parametrize(
@@ -134,7 +127,6 @@ UNTIL = ("--until-decided", "--max-worlds", "22")
 
 
 def counts(out):
-    """Worlds that each method was run on."""
     return Counter(line["method"] for line in lines(out) if line["offset"] == "0")
 
 
@@ -159,9 +151,7 @@ def test_a_method_stops_when_it_is_decided_and_its_baseline_goes_on_for_the_othe
         assert (line["diff_low"], line["p"]) == ("", "")  # nothing for a fixed number of worlds
 
 
-def test_what_is_run_until_decided_depends_neither_on_jobs_nor_on_an_interruption(
-    decided, tmp_path, ran
-):
+def test_what_is_run_until_decided_does_not_depend_on_jobs(decided, tmp_path, ran):
     file, out = decided
     other = tmp_path / "out"
     assert sweep(file, other, "--max-worlds", "20", "--until-decided", "--jobs", "2") == 0
@@ -171,9 +161,7 @@ def test_what_is_run_until_decided_depends_neither_on_jobs_nor_on_an_interruptio
     assert tables(other) == tables(out)
 
 
-def test_a_folder_goes_on_to_all_worlds_and_back_but_a_margin_is_not_chosen_after_a_look(
-    decided, tmp_path, refusal, capsys
-):
+def test_a_margin_is_not_chosen_after_a_look(decided, tmp_path, refusal, capsys):
     file, out = decided
     whole = shutil.copytree(out, tmp_path / "whole")
     assert sweep(file, whole, "--trials", "22") == 0  # which looks at all worlds, with none

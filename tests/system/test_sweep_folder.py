@@ -1,20 +1,26 @@
-"""The folder of a sweep: what is run again, what is refused, who may use it, what can be read."""
+"""The folder of a sweep: what is run again or refused, after failures, faults and other code."""
 
+import errno
 import json
 import math
+import os
+import random
 import shutil
+import sys
 
-from deqmcl_command import exit_code, files, lose, records, stored
+import pytest
+from deqmcl_command import exit_code, files, lines, lose, records, stored
 from sweep_command import broken, report, sweep, tables, write_small
 
 import localizers
+from benchmarks.sweeps import running
 from benchmarks.sweeps.results import results_in
+from benchmarks.sweeps.store import Store
+from benchmarks.sweeps.sweepfile import sweep_named
 from benchmarks.trials import stage
 
 
-def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_back(
-    file, finished, copy, ran, capsys
-):
+def test_only_a_lost_or_damaged_trial_is_run_again(file, finished, copy, ran, capsys):
     before = records(copy)
     lose(copy, 1)
     path = copy / "trials.jsonl"
@@ -114,7 +120,6 @@ params.particles = 15
 
 
 def written(folder):
-    """Write a project with a plug-in of each kind; return its sweep file."""
     for name, text in PROJECT.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
@@ -140,3 +145,215 @@ def test_a_project_with_plug_ins_goes_on_where_it_was_moved_to(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     assert exit_code("verify", here / "out", "--jobs", "1") == 0, capsys.readouterr().err
     assert sweep(here / "sweeps" / "all.toml", here / "out") == 0, capsys.readouterr().err
+
+
+@localizers.registered("broken", broken)
+def test_failed_trials_are_said_kept_and_run_again_only_if_asked(tmp_path, capsys, ran):
+    file = write_small(tmp_path, others=("broken",))
+    out = tmp_path / "out"
+    for again in ((), (), ("--retry-failed",)):
+        ran.clear()
+        assert sweep(file, out, *again) == 3
+        said = capsys.readouterr()
+        assert said.out.startswith("small: 4 of 6 trials finished, 2 failed.\n")
+        assert said.err == (
+            "deqmcl: 2 of 6 trials failed, the rest is kept; first: broken, trial 0: "
+            "ArithmeticError: broken (--debug shows where)\n"
+        )
+    assert [trial.localizer for trial in ran] == ["broken"] * 2
+    assert {line["method"] for line in lines(out)} == {"mcl", "dead-reckoning"}
+
+
+def test_after_a_full_disk_a_sweep_goes_on(file, finished, tmp_path, monkeypatch, capsys):
+    really, out = Store._append, tmp_path / "out"
+
+    def fill_up(store, *parts):
+        if len(records(out)) == 2:
+            store._file.write(b'{"key": "a')
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        really(store, *parts)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "_append", fill_up)
+        assert sweep(file, out) == 3
+    assert capsys.readouterr().err.startswith("deqmcl: No space left on device")
+    kept = records(out)
+    assert len(kept) == 2
+    assert sweep(file, out) == 0
+    assert kept.items() <= records(out).items()
+    assert tables(out) == tables(finished)
+
+
+def test_what_keeps_the_pictures_away_does_not_keep_the_tables_away(tmp_path, monkeypatch):
+    def undrawn(*_, **__):
+        raise RuntimeError("no pictures today")
+
+    monkeypatch.setattr("benchmarks.report.page.page_files", undrawn)
+    file, out = write_small(tmp_path, trials=1), tmp_path / "out"
+    assert exit_code("sweep", file, "--out", out, "--jobs", "1") == 3
+    assert {"results.csv", "trials.csv"} < files(out).keys()
+
+
+def flipped(path, dice):
+    content = bytearray(path.read_bytes())
+    content[dice.randrange(len(content))] ^= 1 << dice.randrange(8)
+    path.write_bytes(content)
+
+
+def spliced(path, dice):
+    """Two processes wrote at once, as on a network disk without locks."""
+    content = path.read_bytes()
+    here, there = sorted(dice.randrange(len(content)) for _ in range(2))
+    path.write_bytes(content[:there] + content[here:])
+
+
+def replaced(make):
+    def fault(path, dice):
+        path.unlink()
+        make(path)
+
+    return fault
+
+
+FAULTS = {
+    "torn": lambda path, dice: os.truncate(path, dice.randrange(path.stat().st_size)),
+    "deleted": lambda path, dice: path.unlink(),
+    "doubled": lambda path, dice: path.write_bytes(2 * path.read_bytes()),
+    "flipped": flipped,
+    "spliced": spliced,
+    "zeroed": lambda path, dice: path.write_bytes(path.read_bytes()[:1000] + bytes(1000)),
+    "nested": lambda path, dice: path.write_text("[" * 10**5),
+    "a folder": replaced(lambda path: path.mkdir()),
+    "a pipe": replaced(os.mkfifo),
+}
+
+
+def looked_at(code, said, done):
+    assert code in (0, 2), (done, said)
+    *notes, last = said.err.splitlines() or [""]
+    notes += [last] if code == 0 and last else []
+    assert all(note.startswith("deqmcl: ") and "left out" in note for note in notes), (done, notes)
+    if code == 2:
+        assert last.startswith("deqmcl: "), (done, last)
+    return code == 0
+
+
+def faulty(file, finished, folder, dice, capsys):
+    """Spoil a file or two of a copy of a folder, report it, run the sweep again."""
+    shutil.copytree(finished, folder)
+    done = []
+    for name in dice.choices(["trials.jsonl", "trials.jsonl", "manifest.json"], k=2):
+        kind = dice.choice([*FAULTS])
+        if (folder / name).is_file() and (folder / name).stat().st_size:
+            FAULTS[kind](folder / name, dice)
+            done.append((kind, name))
+    capsys.readouterr()
+    looked_at(report(folder), capsys.readouterr(), done)
+    before = stored(folder) if (folder / "trials.jsonl").is_file() else {}
+    if looked_at(sweep(file, folder), capsys.readouterr(), done):
+        assert tables(folder) == tables(finished), done
+    elif before:
+        assert stored(folder) == before, done
+    shutil.rmtree(folder)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="makes pipes and links")
+@pytest.mark.parametrize(("seed", "cases"), [(0, 15), pytest.param(1, 300, marks=pytest.mark.slow)])
+def test_a_spoilt_folder_ends_in_the_same_tables_or_a_sentence(
+    file, finished, tmp_path, capsys, seed, cases
+):
+    dice = random.Random(seed)
+    for number in range(cases):
+        faulty(file, finished, tmp_path / str(number), dice, capsys)
+
+
+MINE = """
+import numpy as np
+from localizers import PoseBelief
+class Mine:
+    def __init__(self, robot): pass
+    def reset(self, prior, plan, rng):
+        self.belief = PoseBelief(np.array(prior.mean) + {0})
+        return self.belief
+    def update(self, ranges, action, plan): return self.belief
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    plug_in = tmp_path / "mine.py"
+    plug_in.write_text(MINE.format(0.0))
+    file = write_small(tmp_path, trials=3)
+    assert sweep(file, tmp_path / "out", "--with", f"{plug_in}:Mine") == 0
+    return plug_in, file, tmp_path / "out"
+
+
+def verify(out):
+    return exit_code("verify", out, "--jobs", "1")
+
+
+def edit(plug_in, offset):
+    """Write the plug-in anew: its digest changes, and unless it is 0.0 its estimates do."""
+    plug_in.write_text(MINE.format(offset) + "# edited\n")
+
+
+def verified(out):
+    return json.loads((out / "manifest.json").read_text()).get("verified", [])
+
+
+def test_a_folder_whose_sample_agrees_goes_on_under_its_old_keys(mine, capsys):
+    plug_in, file, out = mine
+    before = records(out)
+    edit(plug_in, 0.0)
+    assert sweep(file, out, "--with", f"{plug_in}:Mine") == 2
+    assert f"deqmcl verify {out}" in capsys.readouterr().err
+    assert verify(out) == 0
+    assert "on 4 of 9 trials; none differs" in capsys.readouterr().out
+    (entry,) = verified(out)
+    assert set(entry["verified"]) < before.keys()
+    lose(out, 0, 1)
+    kept = (out / "trials.jsonl").read_text()
+    assert sweep(file, out, "--with", f"{plug_in}:Mine", "--with", "ekf") == 0
+    assert (out / "trials.jsonl").read_text().startswith(kept)
+    assert before.items() <= records(out).items()
+    assert len(results_in(out).records) == 12
+    assert report(out) == 0
+    assert results_in(out).made_by.endswith("on 4 of 9 trials.")
+    assert verified(out) == [entry]
+    plug_in.write_text(MINE.format(0.0))  # as it was, which made the folder
+    assert sweep(file, out, "--with", f"{plug_in}:Mine", "--with", "ekf") == 0
+
+
+def test_a_number_that_differs_is_found_and_named_and_the_folder_is_as_it_was(mine, capsys):
+    plug_in, _, out = mine
+    before = files(out)
+    edit(plug_in, 1.0)
+    assert verify(out) == 1
+    said = capsys.readouterr().err
+    assert "2 of 4 trials differ" in said or "1 of 4 trials differ" in said
+    assert "mine.py:Mine, world 0, filter seed 0: error at offset 0 was" in said
+    assert files(out) == before
+
+
+def test_what_is_interrupted_or_made_by_this_very_code_writes_nothing(finished, copy, monkeypatch):
+    before = files(copy)
+    assert verify(copy) == 0
+    assert files(copy) == before
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "outcomes", stopped)
+    assert verify(copy) == 130
+    assert files(copy) == before
+
+
+def test_a_sample_has_the_first_world_of_each_setting_and_method_and_one_in_a_hundred_by_digest():
+    sweep = sweep_named("noise")
+    trials = {trial.key(""): trial for trial in sweep.distinct()}
+    drawn = [set(running.sample(trials, code)) for code in ("a", "b")]
+    first = {trial.key("") for trial in sweep.cells()}
+    assert first == drawn[0] & drawn[1] & first
+    others = len(trials) - len(first)
+    assert [len(keys - first) for keys in drawn] == [-(-others // 100)] * 2
+    assert drawn[0] != drawn[1]

@@ -1,16 +1,94 @@
-"""Nav2's motion models: the source's means and variances within 5 standard errors; fits to logs."""
+"""Motion models: means and variances as told by the book and by Nav2's source; fits to logs."""
 
 import math
 
 import numpy as np
 import pytest
-from following import wrapped
+from following import STILL, wrapped
 
 from deqmcl_gym.validation import InputError
-from localizers.models.motion import OdometryMotion
+from localizers import OdometryMotion, UniformPrior, make
+from localizers.models import motion as kernels
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, moved
 
 N = 100_000
+START = (120.0, -40.0, 0.7)
+STARTS = np.repeat(np.float32(START)[:, None], N, axis=1)
+ACTIONS = [(20.0, 0.0), (20.0, 0.5), (-15.0, -1.0), (3.0, 2.0), (8.0, -3.0)]
+MOTIONS = [
+    OdometryMotion(drive=0.2, turn=0.1, drift=0.01),
+    OdometryMotion(drive=0.05, turn=0.1, drift=0.02),
+]
+
+
+def z(samples: np.ndarray, expected: float) -> float:
+    return (samples.mean() - expected) / (samples.std(ddof=1) / math.sqrt(samples.size))
+
+
+@pytest.mark.parametrize("action", ACTIONS)
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_both_noises_are_normal_and_independent(motion, action):
+    """θ' ~ N(θ + φ, (turn |φ| + drift |d|)²), then D ~ N(d, (drive |d|)²) along θ'."""
+    distance, turn = action
+    after = motion.sample(STARTS, np.array(action), np.random.default_rng(2))
+    assert after.dtype == np.float32
+    x, y, heading = after.astype(np.float64)
+    s = motion.turn * abs(turn) + motion.drift * abs(distance)
+    along = (x - START[0]) * np.cos(heading) + (y - START[1]) * np.sin(heading)
+    across = (y - START[1]) * np.cos(heading) - (x - START[0]) * np.sin(heading)
+    assert np.abs(across).max() < 1e-4  # float32 of 160 px
+    noise_d = (along - distance) / (motion.drive * abs(distance))
+    noise_turn = wrapped(heading - START[2] - turn) / s
+    for noise in (noise_d, noise_turn):
+        for bound in (-2, -1, 0, 0.5, 1.5):  # 100 shares at 5 standard errors: 6e-5
+            assert abs(z(noise <= bound, (1 + math.erf(bound / math.sqrt(2))) / 2)) < 5
+    assert abs(z(noise_d * noise_turn, 0.0)) < 5
+    assert abs(z(noise_d**2 * noise_turn**2, 1.0)) < 5
+
+
+def test_standing_still_changes_no_bit_even_where_the_noise_is_large():
+    rng = np.random.default_rng(3)
+    poses = rng.uniform((0, 0, -3.14), (350, 300, 3.14), (1000, 3)).astype(np.float32).T
+    after = OdometryMotion(drive=9, turn=9, drift=9).sample(poses, np.zeros(2), rng)
+    assert np.array_equal(after, poses)
+
+
+@pytest.mark.parametrize("turns", [-3, -1, 0, 1, 3])
+def test_the_heading_comes_back_to_within_half_a_turn_and_means_the_same_direction(turns):
+    headings = np.linspace(-math.pi, math.pi, 2001, dtype=np.float32)
+    poses = np.stack([np.zeros_like(headings), np.zeros_like(headings), headings])
+    turn = turns * 2 * math.pi + 0.3
+    after = STILL.sample(poses, np.array([0.0, turn]), np.random.default_rng(0))[2]
+    assert np.abs(after).max() <= np.float32(math.pi)
+    # sums up to 22 rad are resolved to 2e-6 by float32
+    assert np.abs(wrapped(after.astype(float) - headings - turn)).max() < 4e-6
+
+
+def test_two_normal_numbers_are_drawn_per_particle_whatever_the_action():
+    states = []
+    for action in [(0.0, 0.0), *ACTIONS]:
+        rng = np.random.default_rng(5)
+        MOTIONS[0].sample(STARTS[:, :10], np.array(action), rng)
+        states.append(rng.bit_generator.state)
+    assert all(state == states[0] for state in states)
+
+
+def test_the_least_and_the_largest_uniform_number_make_finite_pairs():
+    ends = np.empty((2, 2), np.float32)
+    kernels.normal_pairs(np.array([0.0, 1 - 2**-53]), 0.0, 1.0, 0.0, 1.0, ends[0], ends[1])
+    assert ends[0, 0] == pytest.approx(np.sqrt(2 * np.log(2**25)), rel=1e-6)
+    assert np.isfinite(ends).all()
+
+
+def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robot):
+    prior = UniformPrior(floor_plan=robot.floor_plan)
+    poses, _ = make("ekf", robot).reset(prior, [], np.random.default_rng(0)).points()
+    # symmetric about (175, 150); 10,000 draws: 5 standard errors of sds of about 100 px
+    assert np.abs(poses.mean(axis=0)[:2] - (175, 150)).max() < 5 * 110 / 100
+    drawn = prior.sample(10_000, np.random.default_rng(1))[:, :2]
+    assert np.abs(poses.std(axis=0)[:2] / drawn.std(axis=0) - 1).max() < 10 / math.sqrt(20_000)
+
+
 ALPHAS = {"alpha1": 0.001, "alpha2": 0.002, "alpha3": 0.003, "alpha4": 0.0004}
 # (forward, left, turn), and (rot1, trans, rot2, r1, r2): rot1 is turn + atan2(left, forward)
 CASES = {
@@ -90,9 +168,7 @@ def test_without_noise_a_pose_goes_where_the_odometry_does(model, case):
 
 @pytest.mark.parametrize("alpha2", [0.002, 0.02])
 @pytest.mark.parametrize("distance", [0.3, -1.0])
-def test_two_noises_stand_for_three_exactly_along_a_straight_drive_and_double_across(
-    distance, alpha2
-):
+def test_two_noises_stand_for_three_along_a_straight_drive_and_double_across(distance, alpha2):
     alphas = ALPHAS | {"alpha2": alpha2, "alpha4": 0.0}
     model, increment = DifferentialMotion(**alphas), (distance, 0.0, 0.0)
     # turns before and after are independent, and both of variance α2 ρ²
@@ -139,9 +215,7 @@ def test_the_noise_of_a_model_is_found_again_in_what_it_did(model):
 
 
 @pytest.mark.parametrize("model", [DifferentialMotion, OmniMotion])
-def test_odometry_that_loses_the_sign_of_some_drives_leaves_them_possible_and_the_turns_alone(
-    model,
-):
+def test_odometry_that_loses_some_signs_leaves_drives_possible_and_the_turns_alone(model):
     rng = np.random.default_rng(6)
     still = dict.fromkeys(["alpha1", "alpha2", "alpha3", "alpha4"], 0.001)
     meant, done = driven(model(**still), 4000, rng)

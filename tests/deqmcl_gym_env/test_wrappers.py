@@ -1,4 +1,4 @@
-"""Disturbances: a jump, lost beams, a changed plan; everything else as it was."""
+"""Wrappers: a jump, lost beams, a changed plan and everything else as it was; a curriculum."""
 
 import math
 
@@ -6,11 +6,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import reference
-from room_cases import SEVERAL, WRAPPED, calm, drive, poses_of, wrapped
-from room_trace import ROOM_ID
+from gymnasium.envs.registration import EnvSpec
+from refusals import refused
+from room_cases import ROOM_ID, SEVERAL, WRAPPED, calm, drive, poses_of, wrapped
 
+import deqmcl_gym  # noqa: F401  # registers the environments
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
+from deqmcl_gym.envs.wrappers import BeamDropout, Curriculum, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError
 
 ELSEWHERE = (60.0, 200.0, 1.0)
@@ -97,9 +99,7 @@ def episode(env, seed: int = 5) -> tuple[np.ndarray, list]:
 
 
 @pytest.mark.parametrize("probability", [0.02, 0.5, 0.9])
-def test_beams_are_lost_with_the_probability_independently_of_neighbours_and_the_last_scan(
-    probability,
-):
+def test_beams_are_lost_with_the_probability_whatever_neighbours_or_scans_lose(probability):
     scans, _ = episode(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), probability))
     lost = np.isposinf(scans)
     both = probability**2  # two of them are lost
@@ -147,9 +147,7 @@ def changed(step: int, actions, **kwargs) -> PlanChange:
 
 @pytest.mark.parametrize("count", [0, 3, 300])
 @pytest.mark.parametrize("horizon", [5, None])
-def test_the_new_plan_is_shown_after_its_step_and_not_before_and_the_episode_ends_with_it(
-    count, horizon
-):
+def test_the_new_plan_is_shown_after_its_step_and_the_episode_ends_with_it(count, horizon):
     new = np.tile(NEW, (100, 1))[:count]
     env = changed(3, new, horizon=horizon)
     old, rows = env.unwrapped.plan.copy(), horizon or 204
@@ -203,3 +201,106 @@ def test_stacked_wrappers_all_act():
         counts.append(info["planned_count"])
     assert jumps == [False, True, True]
     assert counts == [203, 202, 10]
+
+
+SIZE = gym.spaces.Box(0, 1, (1,), np.float32)
+
+
+class Task(gym.Env):
+    """Ends after a step, done if the action is 1; shows a random number."""
+
+    observation_space, action_space = SIZE, SIZE
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return self._seen(), {}
+
+    def step(self, action):
+        return self._seen(), 0.0, True, False, {"is_success": bool(action[0] == 1)}
+
+    def _seen(self):
+        return self.np_random.random(1, np.float32)
+
+
+def stages(env, successes, seed=0):
+    """The stage of each episode, and what is seen at its start."""
+    found = []
+    for number, success in enumerate(successes):
+        seen, info = env.reset(seed=seed if number == 0 else None)
+        found.append((info["stage"], float(seen[0])))
+        *_, told = env.step(np.array([success], np.float32))
+        assert told["stage"] == info["stage"]
+    return found
+
+
+def test_it_goes_on_when_enough_of_the_last_episodes_of_a_stage_were_done():
+    env = Curriculum([Task(), Task(), Task()], success=0.5, window=4)
+    done = [0, 0, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 0]
+    # after five episodes two of the last four were done; counting starts again at stage 1
+    assert [stage for stage, _ in stages(env, done)] == [0] * 5 + [1] * 4 + [2] * 4
+
+
+def test_the_first_seed_determines_the_episodes_of_all_stages():
+    one, same = (stages(Curriculum([Task(), Task()], window=2), [1] * 6, seed=5) for _ in "ab")
+    other = stages(Curriculum([Task(), Task()], window=2), [1] * 6, seed=6)
+    assert one == same
+    assert not {seen for _, seen in one} & {seen for _, seen in other}
+
+
+def test_an_env_that_does_not_tell_success_is_done_by_termination():
+    env = Curriculum([gym.make("deqmcl_gym/Sharp-v0", max_episode_steps=1) for _ in range(2)],
+                     success=0.0, window=1)  # fmt: skip
+    _, info = env.reset(seed=0)
+    *_, truncated, info = env.step(info["planned_actions"][0])
+    assert truncated
+    assert env.reset()[1]["stage"] == 1
+    strict = Curriculum(env._envs, success=0.1, window=1)
+    _, info = strict.reset(seed=0)
+    strict.step(info["planned_actions"][0])
+    assert strict.reset()[1]["stage"] == 0
+    env.close()
+
+
+def test_stages_of_other_spaces_none_at_all_and_bad_thresholds_are_refused():
+    few, many = (gym.make("deqmcl_gym/Sharp-v0", lidar={"beams": beams}) for beams in (3, 9))
+    with refused("stage 1 has the observation_space", "stage 0"):
+        Curriculum([few, many])
+    with refused("envs is empty"):
+        Curriculum([])
+    for name, value in (("success", 1.5), ("window", 0)):
+        with refused(name):
+            Curriculum([Task()], **{name: value})
+
+
+def test_seeded_actions_are_the_same_in_every_run_and_observations_within_one_space():
+    def drawn():
+        made = [Task(), Task()]
+        made[1].action_space = gym.spaces.Box(0, 1, (1,), np.float32)
+        made[1].observation_space = gym.spaces.Box(-2, 0.5, (1,), np.float32)
+        env = Curriculum(made, success=0.0, window=1)
+        env.action_space.seed(1)
+        actions = []
+        for _ in range(3):
+            assert env.reset(seed=0)[0] in env.observation_space
+            actions.append(float(env.action_space.sample()[0]))
+            env.step(np.float32([0.0]))
+        assert env.observation_space == gym.spaces.Box(-2, 1, (1,), np.float32)
+        return actions
+
+    assert drawn() == drawn()
+
+
+def test_a_spec_makes_the_same_stages_again_also_by_json():
+    stages = [gym.make("deqmcl_gym/Sharp-v0", max_episode_steps=most) for most in (2, 3)]
+    env = Curriculum(stages, success=0.0, window=1)
+    assert env.spec.max_episode_steps == 3
+    for spec in (env.spec, EnvSpec.from_json(env.spec.to_json())):
+        again = gym.make(spec, render_mode="rgb_array")
+        for seed in (4, None):
+            np.testing.assert_equal(again.reset(seed=seed), env.reset(seed=seed))
+            while not env.step(np.float32([1, 0]))[3]:
+                assert not again.step(np.float32([1, 0]))[3]
+            assert again.step(np.float32([1, 0]))[3]
+        assert again.render().ndim == 3
+        env = Curriculum(stages, success=0.0, window=1)
+    assert Curriculum([Task()]).spec is None

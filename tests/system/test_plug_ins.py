@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from deqmcl_command import exit_code, lines
-from sweep_command import sweep, write_small
+from sweep_command import sweep, without_report, write_small
 
 HOSTILE = Path(__file__).with_name("hostile.py").read_text()
 NAME = "./hostile.py:Hostile"
@@ -22,13 +22,6 @@ HARMLESS = ("leave", "spoil", "child")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """The working folder, in which the plug-in lies."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def write_hostile(folder, what, when):
     told = f"WHAT, WHEN, STARTED = {what!r}, {when!r}, {str(folder / 'started')!r}"
     first = 'WHAT, WHEN, STARTED = "nothing", "never", ""'
@@ -41,21 +34,18 @@ def small_sweep(folder, out, timeout=60):
 
 
 def trials_in(folder):
-    """The table of trials, without the path of the plug-in."""
     return (folder / "out" / "trials.csv").read_text().replace(str(folder), "")
 
 
 @pytest.mark.parametrize(("what", "when", "why"), FATAL)
-def test_a_plug_in_that_ends_or_hangs_in_a_trial_fails_its_own_trials(
-    folder, capfd, what, when, why
-):
-    write_hostile(folder, what, when)
-    assert small_sweep(folder, Path("out"), 5 if what == "hang" else 60) == 3
+def test_a_plug_in_that_ends_or_hangs_fails_its_own_trials(here, capfd, what, when, why):
+    write_hostile(here, what, when)
+    assert small_sweep(here, Path("out"), 5 if what == "hang" else 60) == 3
     said = capfd.readouterr().err
     kept = "deqmcl: 1 of 3 trials failed, the rest is kept; first:"
     assert said.startswith(f"{kept} hostile.py:Hostile, trial 0: {why}")
     assert "Traceback" not in said
-    assert {line["method"] for line in lines(folder / "out")} == {"mcl", "dead-reckoning"}
+    assert {line["method"] for line in lines(here / "out")} == {"mcl", "dead-reckoning"}
 
 
 @pytest.fixture(scope="module")
@@ -69,14 +59,12 @@ def unspoilt(tmp_path_factory):
 
 
 @pytest.mark.parametrize("what", HARMLESS)
-def test_what_a_plug_in_does_to_its_process_changes_no_result_and_ends_with_it(
-    folder, unspoilt, what
-):
-    write_hostile(folder, what, "reset")
-    assert small_sweep(folder, Path("out")) == 0
-    assert trials_in(folder) == unspoilt
+def test_what_a_plug_in_does_to_its_process_changes_no_result(here, unspoilt, what):
+    write_hostile(here, what, "reset")
+    assert small_sweep(here, Path("out")) == 0
+    assert trials_in(here) == unspoilt
     if what == "child":
-        command = Path(f"/proc/{(folder / 'started').read_text().strip()}/cmdline")
+        command = Path(f"/proc/{(here / 'started').read_text().strip()}/cmdline")
         until = time.monotonic() + 5
         while command.exists() and command.read_bytes() and time.monotonic() < until:
             time.sleep(0.02)
@@ -84,7 +72,6 @@ def test_what_a_plug_in_does_to_its_process_changes_no_result_and_ends_with_it(
 
 
 def write_setup(folder):
-    """Write an agent that is as hostile, and a scenario that leads to it."""
     hostile = (folder / "hostile.py").read_text()
     (folder / "agent.py").write_text(f"{hostile}\nclass Driver: ...\n")
     (folder / "agent.toml").write_text('agent = "agent.py:Driver"')
@@ -98,18 +85,59 @@ def write_setup(folder):
         ("exit", "import", ("paper", "--scenario", "agent.toml", "--trials", "1")),
     ],
 )
-def test_what_ends_its_import_or_making_is_refused_in_a_sentence_and_nothing_is_written(
-    folder, refusal, what, when, command
-):
-    write_hostile(folder, what, when)
-    write_small(folder, trials=1, others=[NAME])
-    write_setup(folder)
+def test_what_ends_its_import_or_making_is_refused(here, refusal, what, when, command):
+    write_hostile(here, what, when)
+    write_small(here, trials=1, others=[NAME])
+    write_setup(here)
     said = refusal([*command, "--out", "out"], "its own code raised")
     assert ".py, line " in said
-    assert not (folder / "out").exists()
+    assert not (here / "out").exists()
 
 
-def test_a_lap_that_a_plug_in_ends_has_not_succeeded(folder, capfd):
-    write_hostile(folder, "exit", "update")
+def test_a_lap_that_a_plug_in_ends_has_not_succeeded(here, capfd):
+    write_hostile(here, "exit", "update")
     assert exit_code("run", "--localizer", NAME, "--out", "out") == 3
     assert "Traceback" not in capfd.readouterr().err
+
+
+PLUG_IN = '''
+"""A localizer without particles, past and future."""
+
+import numpy as np
+
+from localizers import PoseBelief
+
+
+class PoseOnly:
+    """Takes only a robot, and ignores scan and plan."""
+
+    def __init__(self, robot):
+        pass
+
+    def reset(self, prior, plan, rng):
+        self.pose = np.array(prior.mean)
+        return PoseBelief(self.pose)
+
+    def update(self, ranges, action, plan):
+        self.pose[2] += action[1]
+        self.pose[:2] += action[0] * np.array([np.cos(self.pose[2]), np.sin(self.pose[2])])
+        return PoseBelief(self.pose)
+'''
+OWN = "mine.py:PoseOnly"
+
+
+def test_a_localizer_that_gives_only_a_pose_is_scored_and_what_it_lacks_is_empty(here, refusal):
+    (here / "mine.py").write_text(PLUG_IN)
+    few = ("--trials", "2", "--particles", "50", "--lag", "5")
+    paper = ("paper", *few, "--localizers", f"mcl,{OWN},dead-reckoning", "--out")
+    with without_report():
+        assert exit_code(*paper, "one", "--jobs", "1") == 0
+    rows = {(r["method"], r["offset"]): r for r in lines(here / "one", "results.csv")}
+    ours, theirs = rows[OWN, "0"], rows["dead-reckoning", "0"]
+    assert float(ours["error"]) == pytest.approx(float(theirs["error"]), rel=1e-12)
+    for spread in ("entropy", "var_x", "var_y", "var_cos", "var_sin"):
+        assert ours[spread] == "", spread  # never 0
+    assert [offset for method, offset in rows if method == OWN] == ["0"]  # no past, no future
+    assert "n/a" in (here / "one" / "table.md").read_text()
+    (here / "mine.py").write_text(f"{PLUG_IN}\n# changed\n")
+    refusal([*paper, "one"], f"plug-ins.{OWN} was")
