@@ -28,7 +28,7 @@ from benchmarks.robots.calibration import (
 )
 from benchmarks.robots.nav2 import Amcl, read_nav2
 from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, params_among, replay_of
-from benchmarks.robots.residuals import PICTURE, TABLE, Residuals, residuals_of
+from benchmarks.robots.residuals import PICTURE, TABLE, residuals_of
 from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
@@ -37,6 +37,7 @@ from benchmarks.sweeps.running import Options, begun, check
 from benchmarks.sweeps.sweepfile import check_localizers, params_by_localizer
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import file_words, short_names
+from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
@@ -251,32 +252,51 @@ def run_replay(
     A folder that holds what is not of this sweep is refused; if a run failed, what the others gave
     is written all the same.
     """
-    played, sweep, warnings = plan.replay, plan.sweep, plan.warnings
+    replay, sweep, drawn = plan.replay, plan.sweep, no_report() is None
     with begun(sweep, out, options, command=command) as running:
         shown = [
-            *warnings,
-            *warn([played.sideways, *doubts_of(played.scenario), touches(played)]),
+            *plan.warnings,
+            *warn([replay.sideways, *doubts_of(replay.scenario), touches(replay)]),
         ]
         results = running.results()
-        runs = _runs(played, sweep, results)
-        if not played.log.referenced.size and len(done := ended(runs)):
+        records, failed = dict[str, list[Finished]](), dict[str, int]()
+        for method in sweep.localizers:
+            records[method.shown] = [r for r in results.records if r.trial.method == method]
+            failed[method.shown] = [f.trial.method for f in results.failures].count(method)
+        runs = runs_frame(records, failed, replay.log)
+        if not replay.log.referenced.size and len(done := ended(runs)):
             where = "from the poses that the best run estimates"
-            shown += warn([misfit_words(max(done["agreement_03"]), where, played.log.scanner)])
-        wrong = residuals_of(played, runs) if residuals else None
+            shown += warn([misfit_words(max(done["agreement_03"]), where, replay.log.scanner)])
+        wrong = residuals_of(replay, runs) if residuals else None
         with doing(f"writing the report in {out}"):
+            contents = {
+                "results.csv": utf8(csv_of(tracks_table(runs, results.table))),
+                "trials.csv": utf8(csv_of(tracks_trials(runs))),
+                **_tracks(replay, runs),
+                **({} if wrong is None else wrong.files(drawn=drawn)),
+            }
+            if drawn and results.panels:
+                page = page_files(
+                    results,
+                    Path(),
+                    notes=[*accuracy(runs), replay.overview, _RUNS],
+                    warnings=shown,
+                    facts=[*replay.facts, *published(runs)],
+                    more=[] if wrong is None else [wrong.part],
+                )
+                contents["report.html"] = page["report.html"]
             for name in (PICTURE, TABLE):  # of a run with --residuals
                 (out / name).unlink(missing_ok=True)
-            files = write_files(out, _contents(played, runs, results, shown, wrong))
+            files = write_files(out, contents)
     differences = [table for panel in results.panels if (table := differences_table(panel))]
     first, *others = tables_of(runs)
-    texts = [conclusion(results), *accuracy(runs), played.overview]
+    texts = [conclusion(results), *accuracy(runs), replay.overview]
     texts += [] if wrong is None else [wrong.said]
-    texts += [*(table.text() for table in (first, *differences, *others))]
-    texts += [*played.facts, *published(runs)]
+    texts += [table.text() for table in (first, *differences, *others)]
+    texts += [*replay.facts, *published(runs)]
     names = ", ".join(path.name for path in files if path.parent == out)
     written = [f"Written to {out}: {names} and {_TRACKS}/."]
-    if (why := no_report()) is not None:
-        written.append(f"Tables only: {why}")
+    written += [] if drawn else [f"Tables only: {no_report()}"]
     return ReplayResults(runs, results, "\n\n".join(texts), "\n\n".join(written))
 
 
@@ -294,40 +314,6 @@ def touches(replay: Replay) -> str | None:
         f"the map, with a radius of {radius:g} {log.unit}: methods that charge collisions pay "
         "there; give the robot's --set world.radius=…, or mend the map."
     )
-
-
-def _runs(replay: Replay, sweep: Sweep, results: Results) -> pd.DataFrame:
-    """Return the runs of each localizer, in the order in which they were named."""
-    failed = [failure.trial.method for failure in results.failures]
-    records = {
-        method.shown: [record for record in results.records if record.trial.method == method]
-        for method in sweep.localizers
-    }
-    counts = {method.shown: failed.count(method) for method in sweep.localizers}
-    return runs_frame(records, counts, replay.log)
-
-
-def _contents(
-    replay: Replay,
-    runs: pd.DataFrame,
-    results: Results,
-    warnings: Sequence[str],
-    wrong: Residuals | None,
-) -> dict[str, bytes]:
-    contents = {
-        "results.csv": utf8(csv_of(tracks_table(runs, results.table))),
-        "trials.csv": utf8(csv_of(tracks_trials(runs))),
-        **_tracks(replay, runs),
-    }
-    if wrong is not None:
-        contents |= wrong.files(drawn=no_report() is None)
-    if no_report() is None and results.panels:
-        notes = [*accuracy(runs), replay.overview, _RUNS]
-        more = [] if wrong is None else [wrong.part]
-        facts = [*replay.facts, *published(runs)]
-        page = page_files(results, Path(), notes=notes, warnings=warnings, facts=facts, more=more)
-        contents["report.html"] = page["report.html"]
-    return contents
 
 
 def _tracks(replay: Replay, runs: pd.DataFrame) -> dict[str, bytes]:
@@ -357,17 +343,17 @@ def methods_of(
     files = {str(file.file.with_suffix("")): file for file in nav2}
     if len(files) < len(nav2):
         raise InputError(f"--nav2 names a file twice, of {', '.join(files)}: give each once.")
-    words, methods, numbers = short_names(files), list[Method](), dict[str, int]()
+    words, methods, sizes = short_names(files), list[Method](), dict[str, int]()
     if particles is not None:
-        numbers = dict.fromkeys(("particles", "max_particles"), particles)
-        numbers["min_particles"] = min(particles, 500)
+        sizes = dict.fromkeys(("particles", "max_particles"), particles)
+        sizes["min_particles"] = min(particles, 500)
     for name in localizers:
         sets: dict[Overrides, list[str]] = {}  # files of one and the same parameters are one row
         for path, file in files.items() if name == "amcl" else ():
             sets.setdefault(Overrides(file.params) | own.get(name, {}), []).append(words[path])
         if not sets:
             taken = parameters(name) or ()
-            usual = Overrides({word: n for word, n in numbers.items() if word in taken})
+            usual = Overrides({word: n for word, n in sizes.items() if word in taken})
             sets[usual | own.get(name, {})] = []
         for params, sources in sets.items():
             label = f"{name} ({' = '.join(sources)})" if sources and len(files) > 1 else ""

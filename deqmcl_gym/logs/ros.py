@@ -4,24 +4,14 @@ Transforms between the frames of a robot give the scanner's mounting and, if nee
 """
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from deqmcl_gym.files import names_of
-from deqmcl_gym.logs.bags import (
-    POSE_TYPES,
-    SCAN,
-    TRANSFORMS,
-    Bag,
-    Sent,
-    frame_of_header,
-    opened_bag,
-    row_of,
-    seconds_of,
-    warn_of_frames,
-)
+from deqmcl_gym.logs.bags import SCAN, TRANSFORMS, Bag, opened_bag, warn_of_frames
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
 from deqmcl_gym.logs.raw_records import (
@@ -37,10 +27,13 @@ from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.logs.transforms import (
     MAP_FRAME,
     ODOMETRY,
+    POSE_TYPES,
     PoseRows,
+    Sent,
     Transforms,
     frame_name,
     only_frame,
+    seconds_of,
 )
 from deqmcl_gym.validation import InputError, integer, like, number, one_of, shown, tell
 
@@ -77,20 +70,18 @@ def read_bag(
         if len(asked) < 2:
             raise InputError("max_apart is given, but pairs the scans of 2 scan topics or more.")
     with opened_bag(paths) as bag:
-        scans = [bag.topic((SCAN,), "scan_topic", one) for one in asked]
+        scans = [topic for one in asked if (topic := bag.topic((SCAN,), "scan_topic", one))]
         odometry = bag.topic(
             (ODOMETRY,), "odometry_topic", odometry_topic, beside=scans[0], needed=False
         )
-        if odometry_frame is not None:
-            odometry = None
-        if reference_topic is None and REFERENCE_TOPIC not in bag.topics:
-            reference = None
-        else:
-            named = reference_topic or REFERENCE_TOPIC
-            reference = bag.topic(tuple(POSE_TYPES), "reference_topic", named)
-        messages = _Messages(names_of(paths), [one for one in scans if one], odometry, reference)
+        if reference_topic is None and REFERENCE_TOPIC in bag.topics:
+            reference_topic = REFERENCE_TOPIC
+        if reference_topic is not None:
+            bag.topic(tuple(POSE_TYPES), "reference_topic", reference_topic)  # or it is refused
+        of_topic = odometry if odometry_frame is None else None
+        messages = _Messages(names_of(paths), scans, of_topic, reference_topic)
         messages.read(bag)
-    warn_of_frames(messages.name, reference, messages.frames)
+    warn_of_frames(messages.name, reference_topic, messages.truth.frames)
     base, moved = messages.moved_by(base_frame, odometry_frame, odometry_publisher)
     log = messages.log(base, moved, max_range, MAX_APART if max_apart is None else max_apart)
     truth = messages.truth.poses
@@ -124,8 +115,6 @@ class _Messages:
         self.unit = "m"
         self.moved: dict[str, PoseRows] = {}  # by frame
         self.truth = PoseRows()
-        self.frames: set[str] = set()  # that poses of the truth are in
-        self.moved_in: set[str] = set()  # frames that the odometry is in
         self.mended = 0  # scans whose increment is of no use
 
     def read(self, bag: Bag) -> None:
@@ -154,34 +143,31 @@ class _Messages:
 
     def _take(self, sent: Sent, message: Any) -> None:
         if sent.kind in TRANSFORMS:
-            for one in message.transforms:
-                self.transforms.add(sent.topic, [*sent.row, seconds_of(one.header.stamp)], one)
+            self.transforms.add(sent, message)
         elif sent.topic == UNIT_TOPIC:
             self.unit = message.data
         elif (scans := self.scanned.get(sent.topic)) is not None:
-            names = "angle_min", "angle_increment", "range_min", "range_max"
-            start, step, *limits = (float(getattr(message, name)) for name in names)
-            step = self._increment(message, start, step)
-            fan = Fan(start, step, *(0.0 if np.isnan(one) else one for one in limits))
-            stamp, frame = seconds_of(message.header.stamp), frame_of_header(message)
+            limits = (
+                0.0 if np.isnan(r) else float(r) for r in (message.range_min, message.range_max)
+            )
+            fan = Fan(float(message.angle_min), self._increment(message), *limits)
+            stamp, frame = seconds_of(message.header.stamp), frame_name(message.header.frame_id)
             record = RawRecord(stamp, (0, 0, 0), message.ranges, fan, frame, number=sent.number)
             scans.records.append(record)
         else:
-            row = row_of(sent, message)
             if sent.topic == self.reference:
-                self.truth.rows.append(row)
-                self.frames.add(frame_of_header(message))
+                self.truth.add(sent, message)
             if sent.topic == self.odometry:  # it may be both
-                self.moved_in.add(frame_of_header(message))
-                moved = self.moved.setdefault(frame_name(message.child_frame_id), PoseRows())
-                moved.rows.append(row)
+                child = frame_name(message.child_frame_id)
+                self.moved.setdefault(child, PoseRows()).add(sent, message)
 
-    def _increment(self, message: Any, start: float, step: float) -> float:
+    def _increment(self, message: Any) -> float:
         """Return the increment of a scan's angles; by the last angle, if it is 0 or negated."""
-        size, end = len(message.ranges), float(message.angle_max)
+        start, end, step = message.angle_min, message.angle_max, float(message.angle_increment)
+        size = len(message.ranges)
         if size < 2 or not np.isfinite([start, end]).all() or start == end:
             return step
-        meant = (end - start) / (size - 1)
+        meant = (float(end) - float(start)) / (size - 1)
         negative = abs(step + meant) <= _ALIKE * abs(meant)
         if np.isfinite(step) and step != 0 and not negative:
             return step  # many drivers do not fill in the last angle
@@ -195,9 +181,7 @@ class _Messages:
 
         def scanner_of(topic: str, beams: int, frame: str, fan: Fan | None) -> Scanner:
             assert fan is not None
-            most: float | None = fan.max_range
-            if not fan.limited:  # of simulators and some drivers
-                most = max_range
+            most = fan.max_range if fan.limited else max_range  # of simulators and some drivers
             if most is None:
                 fans = [record.fan for record in self.scanned[topic].records]
                 said = max(one.max_range for one in fans if one)
@@ -214,15 +198,14 @@ class _Messages:
             return Scanner(angles=angles, min_range=fan.min_range, max_range=most, **place)
 
         scanned = {
-            topic: scans.with_odometry(odometry).log(
-                lambda *scan, topic=topic: scanner_of(topic, *scan), unit=self.unit
-            )
+            topic: scans.with_odometry(odometry).log(partial(scanner_of, topic), unit=self.unit)
             for topic, scans in self.scanned.items()
         }
-        (log, *others) = scanned.values()
-        if others:
-            log = paired_scans(scanned, self.name, apart)
-        return log
+        return (
+            paired_scans(scanned, self.name, apart)
+            if len(scanned) > 1
+            else next(iter(scanned.values()))
+        )
 
     def moved_by(
         self, base_frame: str | None, odometry_frame: str | None, publisher: int | None
@@ -267,7 +250,7 @@ class _Messages:
 
     def _doubt(self, moved: PoseRows) -> str | None:
         """Say why poses on a topic of odometry may be none; None if they look like it."""
-        if known := sorted(self.moved_in & {MAP_FRAME, "world"}):
+        if known := sorted(moved.frames & {MAP_FRAME, "world"}):
             return (
                 f"the poses of {self.odometry} are in frame {known[0]}, as an estimate or the truth"
             )
