@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -282,10 +283,9 @@ def tune_command(options: argparse.Namespace) -> str:
     from benchmarks.sweeps.running import Options
     from deqmcl_gym.validation import InputError, integer, number, one_of
 
-    named = localizers_named(options.localizer)
-    if len(named) != 1:
+    name, *others = localizers_named(options.localizer) or ("", "")
+    if others:
         raise InputError(f"--localizer is {options.localizer!r}, but must name one localizer.")
-    (name,) = named
     one_of("score", options.score, GOALS)
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
@@ -295,14 +295,13 @@ def tune_command(options: argparse.Namespace) -> str:
     if len(options.nav2) > 1:
         raise InputError("--nav2 is given twice, but there is one default to beat: give one.")
     nav2 = next(iter(_amcl(options)), None)
-    where = Where(jobs=options.jobs, timeout=options.timeout)
     task = _task(options, name, nav2)
     with doing("checking the segments and the ends of all ranges"):
         task.check()
+    where = Where(jobs=options.jobs, timeout=options.timeout)
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     tuning = search(task, options.out, how, options.candidates)
-    nav2_file = options.nav2[0] if options.nav2 else None
-    return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
+    return write_tuned(tuning, options.out, options.words, nav2 and nav2.file, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
@@ -356,8 +355,13 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     for log, file in zip(options.logs, files, strict=True):
         if files.count(file) > 1:
             raise InputError(f"{log} is given twice: give each log once.")
-    maps = _each("--map", options.map, options.logs)
-    references = _each("--reference", options.reference or [None], options.logs)
+    references = options.reference or [None]
+    for flag, given in {"--map": options.map, "--reference": references}.items():
+        if len(given) not in (1, len(files)):
+            raise InputError(
+                f"{flag} is given {len(given)} times for {len(files)} logs: give it once, or once "
+                "for each log, in their order."
+            )
     usual: dict[str, Any] = {}
     if name == "amcl":
         usual = {"world.every": "0.05m,3deg", "world.max_beams": 180}
@@ -365,7 +369,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
         usual |= nav2.assumed | nav2.bounds
     settings = usual | _settings(options)
     with doing("reading the logs and the maps"), log_warnings() as warnings:
-        each = zip(options.logs, maps, references, strict=True)
+        each = zip(options.logs, cycle(options.map), cycle(references), strict=False)
         replays = [
             replay_of(log, floor_plan, reference=reference, otherwise="global", settings=settings)
             for log, floor_plan, reference in each
@@ -380,17 +384,3 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     if {replay.log.unit for replay in replays} != {"m"}:
         raise InputError("a log is in px, but tune takes logs in m: give another one.")
     return replays if name == "amcl" else [with_fitted_power(replay) for replay in replays]
-
-
-def _each(flag: str, given: list[Any], logs: list[str]) -> list[Any]:
-    """Return one for each log."""
-    from deqmcl_gym.validation import InputError
-
-    if len(given) == 1:
-        return given * len(logs)
-    if len(given) != len(logs):
-        raise InputError(
-            f"{flag} is given {len(given)} times for {len(logs)} logs: give it once, or once for "
-            "each log, in their order."
-        )
-    return given

@@ -308,9 +308,9 @@ def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
     if not known.size:
         return ""
     within = tolerance_of(played, tolerance)
-    between = 0 if played.interpolated is None else int(played.interpolated.sum())
+    between = known.size - played.posed.size
     counts = [
-        f"{known.size - between:,} of {len(played):,} records have a pose within "
+        f"{played.posed.size:,} of {len(played):,} records have a pose within "
         f"{1000 * within:.3g} ms of their own time"
     ]
     if between:
@@ -339,9 +339,7 @@ def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
 
     Lengths and angles, (k,) each, more than at the records between; None if there are none.
     """
-    at = log.referenced
-    if log.interpolated is not None:
-        at = at[~log.interpolated[at]]
+    at = log.posed
     if log.reference is None or at.size < 3:
         return None
     with warnings.catch_warnings():

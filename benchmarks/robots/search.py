@@ -18,6 +18,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pandas as pd
+from numpy.random import Generator
 
 from benchmarks.files import is_empty
 from benchmarks.robots.played import REPLAY_SCENARIO, Replay
@@ -112,20 +113,14 @@ def _ends(replay: Replay, length: float, gap: float) -> Iterator[tuple[int, int]
         if last >= len(whole):
             return
         inside = np.searchsorted(referenced, last, side="right") - begin
+        at = first + 1
         if inside >= _KNOWN * (last - first + 1):
             yield first, last
             at = max(last + 1, int(np.searchsorted(way, way[last] + gap)))
-        else:
-            at = first + 1
 
 
 def _segment(
-    number: int,
-    replay: Replay,
-    first: int,
-    last: int,
-    sd: tuple[float, float],
-    rng: np.random.Generator,
+    number: int, replay: Replay, first: int, last: int, sd: tuple[float, float], rng: Generator
 ) -> Segment:
     """Return the records from the first to the last, both included."""
     whole, ground = replay.scenario.whole, replay.scenario.recording()[1]
@@ -147,7 +142,7 @@ def _segment(
     )
 
 
-def _stream(seed: int, *key: int) -> np.random.Generator:
+def _stream(seed: int, *key: int) -> Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SEARCH, *key)))
 
 
@@ -191,8 +186,8 @@ class Task:
     @property
     def of_logs(self) -> list[Trial]:
         """A run of the default on each log."""
-        segments = {part.world["log"]: part for part in (*self.training, *self.held_out)}
-        return [self.trial(NOTHING, segment) for segment in segments.values()]
+        of_logs = {part.world["log"]: part for part in (*self.training, *self.held_out)}
+        return [self.trial(NOTHING, part) for part in of_logs.values()]
 
     def check(self) -> None:
         """Set up each log, let the localizer look at the ends of all ranges, and run it once."""

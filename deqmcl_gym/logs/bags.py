@@ -56,7 +56,8 @@ class Bag:
         def received(reader: Any) -> Iterator[Sent]:
             chosen = [c for c in reader.connections if c.topic in topics or c.msgtype in kinds]
             publishers: dict[str, list[int]] = {}  # of each topic
-            for connection, moment, raw in reader.messages(connections=chosen):
+            messages = reader.messages(connections=chosen) if chosen else ()  # none is all to it
+            for connection, moment, raw in messages:
                 topic, kind = connection.topic, connection.msgtype
                 ids = publishers.setdefault(topic, [])
                 if connection.id not in ids:

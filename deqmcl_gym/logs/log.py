@@ -255,7 +255,7 @@ class Log:
             "of the ranges without a return",
         ]
         if self.reference is not None:
-            between = 0 if self.interpolated is None else int(self.interpolated.sum())
+            between = self.referenced.size - self.posed.size
             said = f", {between:,} of them interpolated" if between else ""
             known = f"{self.referenced.size:,} of {len(self):,} records"
             lines.append(f"reference: at {known}{said}")
@@ -283,6 +283,12 @@ class Log:
         if self.reference is None:
             return np.empty(0, np.intp)
         return np.flatnonzero(np.isfinite(self.reference[:, 0]))
+
+    @property
+    def posed(self) -> Indices:
+        """Indices of the records with a reference pose of their own time, none interpolated."""
+        at = self.referenced
+        return at if self.interpolated is None else at[~self.interpolated[at]]
 
     def segment(self, start: int = 0, length: int | None = None) -> "Log":
         """Return ``length`` records from index ``start`` on; None is all that follow."""

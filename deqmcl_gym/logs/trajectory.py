@@ -84,6 +84,10 @@ class Trajectory:
             )
         return found
 
+    def spread_at(self, at: Indices) -> Floats | None:
+        """Return the covariances of poses by index, NaN unknown; None without any."""
+        return None if self.covariances is None else self.covariances[at]
+
     @property
     def tum(self) -> bytes:
         """The content of a TUM file: lines ``t x y 0 0 0 sin(θ/2) cos(θ/2)``, with all digits."""
