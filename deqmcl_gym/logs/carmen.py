@@ -15,7 +15,6 @@ logs that former versions wrote have ``PARAM deqmcl_scanner``, with all digits o
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -58,10 +57,8 @@ class _Messages:
         kind, *words = line.split()
         self.lines += 1
         try:
-            if kind == "FLASER":
-                self._front_laser(words)
-            elif kind in ("ROBOTLASER1", "RAWLASER1"):
-                self._laser(kind, words)
+            if kind in SCAN_KINDS:
+                self._scan(kind, words)
             elif kind == "ODOM":
                 self.odometry.append([self.lines, *numbers_of([words[6], *words[:3]])])
             elif kind == "PARAM":
@@ -76,24 +73,24 @@ class _Messages:
         except (ValueError, IndexError):
             self.unreadable += 1
 
-    def _front_laser(self, words: list[str]) -> None:
-        n = int(words[0])
-        if n < 1 or len(words) - n not in (9, 10):
+    def _scan(self, kind: str, words: list[str]) -> None:
+        """Read a scan: its fan, n, its ranges, perhaps m, remissions, poses, a time."""
+        first, poses = {"FLASER": (1, 6), "ROBOTLASER1": (8, 11), "RAWLASER1": (8, 0)}[kind]
+        n = int(words[first - 1])
+        remissions = int(words[first + n]) if first > 1 else -1
+        after = first + n + 1 + remissions
+        if n < 1 or (first > 1 and remissions < 0) or len(words) - after - poses not in (2, 3):
             raise ValueError("another number of words")
-        ranges, rest = numbers_of(words[1 : 1 + n]), numbers_of(words[1 + n : 8 + n])
-        self.scans["FLASER"].records.append(RawRecord(rest[6], rest[3:6], ranges))
-
-    def _laser(self, kind: str, words: list[str]) -> None:
-        n = int(words[7])
-        m, more = int(words[8 + n]), 11 if kind == "ROBOTLASER1" else 0
-        if n < 1 or m < 0 or len(words) - n - m not in (11 + more, 12 + more):
-            raise ValueError("another number of words")
-        *poses, stamp = numbers_of(words[9 + n + m : 10 + n + m + more])
-        ranges, fan = numbers_of(words[8 : 8 + n]), _fan(words)
-        record = RawRecord(stamp, poses[3:6] or (0, 0, 0), ranges, fan, number=self.lines)
+        ranges = numbers_of(words[first : first + n])
+        *places, stamp = numbers_of(words[after : after + poses + 1])
+        fan = None
+        if first > 1:
+            _, start, _, step, farthest, *_ = numbers_of(words[:7])
+            fan = Fan(start, step, 0.0, min(farthest, SICK_RANGE))
+        record = RawRecord(stamp, places[3:6] or (0, 0, 0), ranges, fan, number=self.lines)
         self.scans[kind].records.append(record)
-        if poses:
-            self.mounts.append(poses[:6])
+        if kind == "ROBOTLASER1":
+            self.mounts.append(places[:6])
 
     def records(self, kind: str, field_of_view: float | None) -> RawRecords:
         """Return the records of a kind of scan, with all that other messages say of them."""
@@ -196,12 +193,6 @@ def read_carmen(
     records = messages.records(kind, field_of_view)
     log = records.log(lambda beams, _, fan: messages.scanner(beams, kind, fan), unit=messages.unit)
     return with_own_reference(log, messages.truth, max_gap, reference_tolerance)
-
-
-def _fan(words: Sequence[str]) -> Fan:
-    """Return the fan of ROBOTLASER1 and RAWLASER1: type, start, fov, step, max_range, …."""
-    _, start, _, step, farthest, *_ = numbers_of(list(words[:7]))
-    return Fan(start, step, 0.0, min(farthest, SICK_RANGE))
 
 
 def _kind(name: str, messages: _Messages, asked: str | None) -> str:

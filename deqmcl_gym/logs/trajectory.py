@@ -310,22 +310,16 @@ def referenced(
     found[among] = composed(poses[first], here + share[:, None] * missed)
     done = replace(log, reference=found, interpolated=among & ~close)
     warn_of_few(done, trajectory.source)
-    _warn_of_jumps(trajectory, log.unit)
+    jumps = np.flatnonzero(jumps_in(times, poses, log.unit))
+    if jumps.size:
+        steps = np.hypot(*np.diff(poses[:, :2], axis=0)[jumps].T)
+        tell(
+            f"the reference {trajectory.source} jumps farther than a robot drives, "
+            f"{times_words(jumps.size)}, first at {times[jumps[0] + 1]:.2f} s, by up to "
+            f"{steps.max():.2f} {log.unit}: what is before or after may be wrong, and so are "
+            "errors there."
+        )
     return done
-
-
-def _warn_of_jumps(trajectory: Trajectory, unit: str) -> None:
-    """Warn of steps of a reference that no robot drives."""
-    jumps = jumps_in(trajectory.times, trajectory.poses, unit)
-    if not (at := np.flatnonzero(jumps)).size:
-        return
-    steps = np.hypot(*np.diff(trajectory.poses[:, :2], axis=0)[at].T)
-    tell(
-        f"the reference {trajectory.source} jumps farther than a robot drives, "
-        f"{times_words(at.size)}, first at {trajectory.times[at[0] + 1]:.2f} s, by up to "
-        f"{steps.max():.2f} {unit}: what is "
-        "before or after may be wrong, and so are errors there."
-    )
 
 
 def with_own_reference(
@@ -354,11 +348,9 @@ def _travelled(
     log: Log, times: Floats, known: Bools, first: Indices, last: Indices
 ) -> tuple[Floats, Floats, Floats]:
     """Return odometry at record and ``last`` seen from the ``first``, and share of the way."""
-    x, y, heading = log.odometry.T
     elapsed = log.way + 1e-9 * (log.times - log.times[0])  # grows a little while it stands still
-    columns = (x, y, np.unwrap(heading), elapsed)
-    *at, way = (np.interp(times, log.times, column) for column in columns)
-    odometry = np.column_stack(at)
+    way = np.interp(times, log.times, elapsed)
+    odometry = between(log.times, log.odometry, times)
     here = relative(odometry[first], log.odometry[known])
     whole = relative(odometry[first], odometry[last])
     beyond = (times[first] < log.times[0]) | (times[last] > log.times[-1])
