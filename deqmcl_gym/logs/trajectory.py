@@ -348,9 +348,11 @@ def _travelled(
     log: Log, times: Floats, known: Bools, first: Indices, last: Indices
 ) -> tuple[Floats, Floats, Floats]:
     """Return odometry at record and ``last`` seen from the ``first``, and share of the way."""
+    x, y, heading = log.odometry.T
     elapsed = log.way + 1e-9 * (log.times - log.times[0])  # grows a little while it stands still
-    way = np.interp(times, log.times, elapsed)
-    odometry = between(log.times, log.odometry, times)
+    columns = (x, y, np.unwrap(heading), elapsed)
+    *at, way = (np.interp(times, log.times, column) for column in columns)
+    odometry = np.column_stack(at)
     here = relative(odometry[first], log.odometry[known])
     whole = relative(odometry[first], odometry[last])
     beyond = (times[first] < log.times[0]) | (times[last] > log.times[-1])
