@@ -144,11 +144,9 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
     from deqmcl_gym.validation import InputError
 
     values = documents.settings(options.set)
-    if options.every is None:
-        return values
-    if "world.every" in values:
+    if options.every is not None and "world.every" in values:
         raise InputError("--every is given, and world.every set: give one of them.")
-    return values | {"world.every": options.every}
+    return values if options.every is None else values | {"world.every": options.every}
 
 
 @command(
@@ -179,17 +177,16 @@ def score_command(options: argparse.Namespace) -> str:
     from deqmcl_gym.validation import InputError
 
     beside, log, reference = options.beside, options.log, options.reference
-    of_log = {"--map": options.map, "--every": options.every, "--set": options.set or None}
-    of_replay = {**of_log, "--log": log, "--reference": reference}
-    alone = [name for name, value in of_log.items() if value is not None]
-    if beside is not None and (extra := [name for name, value in of_replay.items() if value]):
+    names = ("map", "every", "set", "log", "reference")
+    given = [f"--{name}" for name in names if getattr(options, name)]
+    if beside is not None and given:
         raise InputError(
-            f"{extra[0]} is given with --beside, whose folder says what was played: leave one of "
+            f"{given[0]} is given with --beside, whose folder says what was played: leave one of "
             "them out."
         )
-    if beside is None and log is None and alone:
-        raise InputError(f"{alone[0]} is given without --log: name the log that it is about.")
-    if beside is None and log is None and reference is None:
+    if log is None and given and given[0] != "--reference":
+        raise InputError(f"{given[0]} is given without --log: name the log that it is about.")
+    if beside is None and not given:
         raise InputError("there is nothing to score by: give --reference, --log or --beside.")
     limits_of(options.fail_if)  # refused before anything is read
     with doing("reading the estimates and what they are scored by"), log_warnings() as warnings:
@@ -307,7 +304,7 @@ def tune_command(options: argparse.Namespace) -> str:
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
     """Return what is searched for, of the options."""
     from benchmarks.robots.nav2 import usual_params
-    from benchmarks.robots.played import length_and_angle, params_among
+    from benchmarks.robots.played import length_and_angle, values_among
     from benchmarks.robots.search import Task, cut
     from benchmarks.robots.space import space_of
     from benchmarks.setup.overrides import Overrides
@@ -320,7 +317,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     length = number("--segment", options.segment, low=0, above=True)
     gap = number("--gap", options.gap, low=0)
     sd = length_and_angle("--start-sd", options.start_sd)
-    own = params_by_localizer(params_among(_settings(options)), [name])[name]
+    own = params_by_localizer(values_among(_settings(options)), [name])[name]
     replays = _replays(options, name, nav2)
     noise = [n for n in vars(replays[0].motion) if n != "still"]
     base = Overrides({} if nav2 is None else nav2.params) | own

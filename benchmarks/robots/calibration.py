@@ -168,10 +168,8 @@ def late_words(
     first, last, turns = (a[inside] for a in (first, last, np.diff(poses[:, 2])))
 
     def off(offset: Floats) -> Floats:
-        turned = np.interp(last - offset, times, headings) - np.interp(
-            first - offset, times, headings
-        )
-        return arrays.wrapped(turns - turned)
+        before, after = (np.interp(at - offset, times, headings) for at in (first, last))
+        return arrays.wrapped(turns - (after - before))
 
     starts = [np.array([offset]) for offset in sorted(np.arange(-_LATEST, _LATEST, 0.1), key=abs)]
     (late,), (sd,) = _least(turns.size, [off], starts, [0.1])
@@ -254,15 +252,11 @@ def _wheels_words(log: Log) -> str | None:
     (length, turn), (farther, turned) = (
         (lengths_of(each[near]) / size, each[near, 2]) for each in (told, true)
     )
-    (ahead, more, aside), sd = _least(
-        turn.size,
-        [
-            lambda off: farther - (1 + off[0]) * length,
-            lambda off: arrays.wrapped(turned - (1 + off[1]) * turn - off[2] * length),
-        ],
-        [np.zeros(3)],
-        [0.02, 0.02, 0.02],
-    )
+    off: list[_Off] = [
+        lambda by: farther - (1 + by[0]) * length,
+        lambda by: arrays.wrapped(turned - (1 + by[1]) * turn - by[2] * length),
+    ]
+    (ahead, more, aside), sd = _least(turn.size, off, [np.zeros(3)], [0.02, 0.02, 0.02])
     if not (np.abs([ahead, more, aside]) - _SURE * sd > _CELL / 2).any():
         return None
     return (
@@ -293,13 +287,8 @@ def _least(
 
     best = min(starts, key=lambda start: cost(start).sum())
     while (sizes > np.diag(steps) / 64).any():
-        best, before = (
-            min(
-                (best, *(best + sign * step for step in sizes for sign in (1, -1))),
-                key=lambda at: cost(at).sum(),
-            ),
-            best,
-        )
+        around = (best + sign * step for step in sizes for sign in (1, -1))
+        before, best = best, min((best, *around), key=lambda at: cost(at).sum())
         sizes = sizes / 2 if best is before else sizes
     bends = [
         (slopes(best + step) - slopes(best - step)).sum(axis=1) * 2 for step in np.diag(steps) / 4

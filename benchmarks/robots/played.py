@@ -89,8 +89,7 @@ class Replay:
         places = log.scanner.places
         at = " and ".join(f"({x:g}, {y:g})" for x, y in places)
         mounted = f" The scanner is mounted at {at} {log.unit} on it, ahead and left."
-        head = "changed_walls."
-        changed = {n.removeprefix(head): v for n, v in self.world.items() if n.startswith(head)}
+        changed = values_among(self.world, "changed_walls.")
         walls = ", ".join(f"{name} {value}" for name, value in changed.items())
         facts = [
             f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
@@ -201,16 +200,14 @@ def replay_of(
 
 def reading_among(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of ``logs.read`` that are set; nothing else may be."""
-    head = "world.reading."
     for name in settings:
-        if not name.startswith(head):
-            one_of("name of a setting of a log", name, [f"{head}…"])
-    return {name.removeprefix(head): value for name, value in settings.items()}
+        if not name.startswith("world.reading."):
+            one_of("name of a setting of a log", name, ["world.reading.…"])
+    return values_among(settings, "world.reading.")
 
 
-def params_among(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of localizers that are set, without "params."."""
-    head = "params."
+def values_among(settings: Mapping[str, Any], head: str = "params.") -> dict[str, Any]:
+    """Return the settings whose names begin so, without that; of parameters, if it is not given."""
     return {n.removeprefix(head): value for n, value in settings.items() if n.startswith(head)}
 
 
@@ -243,27 +240,25 @@ def _with_noise(
     world: Mapping[str, Any], assumed: Mapping[str, Any], played: Log
 ) -> tuple[dict[str, Any], str]:
     """Return what is assumed, with the noise of the motion that is not given, and its origin."""
-    noise = REPLAY.changed(world, assumed).motion
-    if isinstance(table := assumed.get("motion"), Mapping):
-        rest = {name: value for name, value in assumed.items() if name != "motion"}
-        assumed = rest | {f"motion.{name}": value for name, value in table.items()}
-    names = {f"motion.{name}" for name in vars(noise)}
-    told = [name.partition(".")[2] for name in assumed if name in names]
-    if names - {"motion.still"} <= assumed.keys():
-        return dict(assumed), "given"
-    estimated: dict[str, Any] = {}
+    noise, given = REPLAY.changed(world, assumed).motion, dict(assumed)
+    if isinstance(table := given.get("motion"), Mapping):
+        given |= {f"motion.{name}": value for name, value in table.items()}
+        del given["motion"]
+    names = [f"motion.{name}" for name in vars(noise)]
+    told = [name.partition(".")[2] for name in given if name in names]
+    if {*names} - {"motion.still"} <= given.keys():
+        return given, "given"
+    origin = "assumed, as there is no reference"
     if shows_noise(played):
         origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
-        estimated = {
-            f"motion.{n}": v for n, v in vars(motion_noise(played, kind_of(noise))).items()
-        }
     elif played.reference is not None:
         origin = "assumed, as too few records that move have a reference pose of their own time"
-    else:
-        origin = "assumed, as there is no reference"
-    if told:
-        return {**estimated, **assumed}, f"{', '.join(told)} given; the rest {origin}"
-    return dict(assumed), origin
+    if not told:
+        return given, origin
+    if shows_noise(played):
+        estimated = vars(motion_noise(played, kind_of(noise)))
+        given = {f"motion.{name}": value for name, value in estimated.items()} | given
+    return given, f"{', '.join(told)} given; the rest {origin}"
 
 
 def length_and_angle(option: str, text: str) -> tuple[float, float]:
@@ -281,12 +276,12 @@ def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
         with documents.errors_name(Path(start)):
             documents.check_values(given, ["prior"])
             return dict(Overrides.told("prior", {"prior": given.get("prior", {})}))
+    if start == "global":
+        return {"prior.kind": "uniform"}
     word, equals, text = start.rpartition("=") if isinstance(start, str) else ("", "", start)
     known = parsed("--start", text) if isinstance(text, str) else text
     some = isinstance(known, list | tuple) and all(isinstance(one, int | float) for one in known)
     numbers = list(map(float, known)) if some else []
-    if start == "global":
-        return {"prior.kind": "uniform"}
     if word == "room" and len(numbers) >= 6 and len(numbers) % 2 == 0:
         corners = tuple(zip(numbers[::2], numbers[1::2], strict=True))
         return {"prior.kind": "uniform", "prior.polygon": corners}
@@ -325,11 +320,11 @@ def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
     if off is None:
         return said
     size = metre(whole.unit)
-    position, heading = (np.quantile(one, (0.5, 0.95)) for one in off)
+    middle, most = zip(*(np.quantile(errors, (0.5, 0.95)) for errors in off), strict=True)
     return (
         f"{said} Every second pose, left out and interpolated from its neighbours, is off by "
-        f"{position[0] / size:.3f} m and {math.degrees(heading[0]):.1f}° (median), "
-        f"{position[1] / size:.3f} m and {math.degrees(heading[1]):.1f}° (95 %): errors "
+        f"{middle[0] / size:.3f} m and {math.degrees(middle[1]):.1f}° (median), "
+        f"{most[0] / size:.3f} m and {math.degrees(most[1]):.1f}° (95 %): errors "
         "of that size may be the reference's."
     )
 

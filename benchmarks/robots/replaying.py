@@ -27,7 +27,7 @@ from benchmarks.robots.calibration import (
     with_fitted_power,
 )
 from benchmarks.robots.nav2 import Amcl, read_nav2
-from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, params_among, replay_of
+from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, replay_of, values_among
 from benchmarks.robots.residuals import PICTURE, TABLE, residuals_of
 from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
@@ -98,7 +98,7 @@ def planned(
             settings=usual | dict(settings),
         )
     warnings = warn(of_reader)  # whatever fails later
-    params = params_by_localizer(params_among(settings), localizers)
+    params = params_by_localizer(values_among(settings), localizers)
     replay = judged_after_part(replay)
     if any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items()):
         replay = with_fitted_power(replay)

@@ -259,9 +259,8 @@ def _judged(
     tracks = [run.track.on(_log_of(run.trial.world)) if run and run.track else None for run in runs]
     if by is None:
         each = [track.deviations() for track in tracks if track]
-        known = sum(len(off) for off, _ in each)
         fitted = map(np.concatenate, zip(*each, strict=True))
-        by = Calibration.fitted(*fitted) if known else Calibration()
+        by = Calibration.fitted(*fitted) if any(len(off) for off, _ in each) else Calibration()
     rows = []
     for scores, track in zip(map(_scores, runs), tracks, strict=True):
         published = track_scores(ScoredTrack(track, 0, by), PUBLISHED) if track else {}
@@ -293,8 +292,7 @@ class Search:
                 file=sys.stderr,
                 flush=True,
             )
-        last = self._ranked(tried)[:_FINALISTS]
-        last += [tried[0]] * (tried[0] not in last)
+        last = [*dict.fromkeys([*self._ranked(tried)[:_FINALISTS], tried[0]])]
         self._measure(last, self.task.training, _FINAL_RUNS)
         best = min(last, key=self._key)
         both, which = [NOTHING, best.values], ("default", "tuned")
@@ -321,14 +319,15 @@ class Search:
         task, rng = self.task, _stream(self.task.seed, _DRAWS, number)
         near, strips = (count // 2, ROUND - ROUND // 2) if number else (0, count - 1)
         whole = latin_hypercube(task.space, strips, rng)[: count - near]
-        drawn = [Candidate(values=values, round=number, whole_space=True) for values in whole]
-        if number == 0:
-            return [Candidate(values=NOTHING, round=0, whole_space=False), *drawn]
-        best = self._ranked(tried)
-        for i in range(near):
-            values = neighbour(task.space, best[i % 2].values, task.usual, rng)
-            drawn.append(Candidate(values=values, round=number, whole_space=False))
-        return drawn
+        best = [candidate.values for candidate in self._ranked(tried)]
+        beside = [neighbour(task.space, best[i % 2], task.usual, rng) for i in range(near)]
+        default = [] if number else [NOTHING]
+        drawn = [(default, False), (whole, True), (beside, False)]
+        return [
+            Candidate(values=values, round=number, whole_space=of_whole)
+            for some, of_whole in drawn
+            for values in some
+        ]
 
     def _halve(self, number: int, candidates: Sequence[Candidate]) -> None:
         """Measure the candidates of a round on more and more segments, the better ones on all."""
@@ -370,15 +369,14 @@ class Search:
             candidate.value = math.inf if np.isnan(values).any() else float(np.mean(values))
             candidate.ms_per_step = milliseconds_per_step([*filter(None, records)])
             if candidate.values == NOTHING and math.isinf(candidate.value):
-                lacking = int(np.isnan(values).argmax())
-                self._refuse_default(segments[lacking // runs], lacking % runs)
+                segment, run = divmod(int(np.isnan(values).argmax()), runs)
+                self._refuse_default(segments[segment], run)
 
     def _refuse_default(self, segment: Segment, run: int) -> None:
         """Say why its run has no score."""
-        task = self.task
-        why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
-        where = f"on the segment at {segment.begins:.1f} s"
+        task, where = self.task, f"on the segment at {segment.begins:.1f} s"
         default = f"the default of {task.localizer}"
+        why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
         if why is None:
             raise InputError(f"{default} has no {task.score} {where}: choose another --score.")
         raise TrialsFailedError(
@@ -406,7 +404,7 @@ def search(task: Task, out: Path, options: Options, candidates: int) -> Tuning:
     state = msgspec.json.encode({"search": task, "made_by": now}, enc_hook=Overrides.json)
     if not is_empty(out):
         try:
-            apart = list(differences(json_of(content_of(out / STATE)), json_of(state)))
+            apart = [*differences(json_of(content_of(out / STATE)), json_of(state))]
         except FileNotFoundError:
             raise InputError(f"{out} holds files, but no {STATE}: give a new --out.") from None
         except UnreadableError as error:

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.files import own_folder, write_files
 from benchmarks.robots.calibration import FEW, doubts_by
-from benchmarks.robots.played import Replay, params_among, replay_of
+from benchmarks.robots.played import Replay, replay_of, values_among
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.tables.text import percent
 from benchmarks.trials.tracks import AGREE
@@ -162,7 +162,7 @@ def smooth(
     """
     integer("--particles", particles, low=2)
     integer("--seeds", seeds, low=1, high=1000)
-    for name in params_among(settings):
+    for name in values_among(settings):
         one_of("name of a setting of smooth", f"params.{name}", ["world.…", "assumed.…"])
     with doing("reading the log and the map"), log_warnings() as warnings:
         replay = replay_of(log, map, start=start, settings=settings)

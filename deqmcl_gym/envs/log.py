@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym import logs
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import Floats, Indices, Pose, Singles
+from deqmcl_gym.numerics import Indices, Pose, Singles
 from deqmcl_gym.validation import (
     InputError,
     NoEpisodeError,
@@ -239,16 +239,13 @@ class LogEnv(gym.Env[Singles, Singles]):
                 "segment), but needs 2 or more: choose a longer segment or a smaller every."
             )
         self._map = map_of(map, unknown, self.log)
+        self.lidar, usual = self.log.scanner, _RADIUS * pixel(self.log.unit)
         if changed_walls is not None:
-            known = self.log.referenced
             driven = np.empty((0, 2))
             if self.log.reference is not None:
-                driven = self.log.reference[known, :2]
-            body = _RADIUS * pixel(self.log.unit)
-            self._map = map_changed(self.floor_plan, changed_walls, driven, body)
-        self.lidar, self.radius = self.log.scanner, _RADIUS * pixel(self.log.unit)
-        if radius is not None:
-            self.radius = number("radius", radius, low=0)
+                driven = self.log.reference[self.log.referenced, :2]
+            self._map = map_changed(self.floor_plan, changed_walls, driven, usual)
+        self.radius = usual if radius is None else number("radius", radius, low=0)
         self._segments = log_segments(self.log, segment)
         self._actions = self.log.increments.astype(np.float32)
         shows = one_of("plan", plan, PLANS) == "odometry"
@@ -312,7 +309,13 @@ class LogEnv(gym.Env[Singles, Singles]):
     def step(self, action: ArrayLike) -> StepResult:
         """Play the next record."""
         recorded = self.next_action
-        self._compare(array("the action (forward, left, turn)", action, (3,)), recorded)
+        given = array("the action (forward, left, turn)", action, (3,))
+        if self._on_mismatch == "error" and np.abs(given - recorded).max() > _SAME:
+            told, meant = (f"({', '.join(map('{:.6g}'.format, a))})" for a in (given, recorded))
+            raise InputError(
+                f"the action of step {self.elapsed_steps + 1} is {told}, but {meant} was recorded: "
+                'give env.unwrapped.next_action, or make the env with on_mismatch="ignore".'
+            )
         self._step += 1
         ended = self._step == self._last
         return self._scans[self._step].copy(), 0.0, ended, False, self._info(recorded)
@@ -327,15 +330,17 @@ class LogEnv(gym.Env[Singles, Singles]):
             return None
         from deqmcl_gym.world.drawing import LIGHT_BLUE, Drawing, View
 
-        step, log = self._begun, self.log
+        step, log, scale = self._begun, self.log, 2.0
         known = log.referenced
         poses = log.odometry if log.reference is None else log.reference
         at = known if known.size else np.arange(len(log))
         ground = self._map if known.size else None
-        if ground is None:  # of odometry that may be far from (0, 0)
-            poses = poses - np.array([*poses[at[0], :2], 0.0])
-        view = _blank(poses[at], log.unit) if ground is None else View(ground)
-        drawing = Drawing(view).path(poses[at], LIGHT_BLUE)
+        if ground is None:  # the area around odometry that may be far from (0, 0)
+            poses, around = poses - np.array([*poses[at[0], :2], 0.0]), 50 * pixel(log.unit)
+            (x0, y0), (x1, y1) = poses[at, :2].min(0) - around, poses[at, :2].max(0) + around
+            ground = PolygonMap(((x0, y0), (x1, y0), (x1, y1), (x0, y1)), unit=log.unit)
+            scale = min(scale, _SIDE * pixel(log.unit) / max(x1 - x0, y1 - y0))
+        drawing = Drawing(View(ground, scale)).path(poses[at], LIGHT_BLUE)
         if not known.size or step in known:
             drawing.beams(self.lidar.rays(poses[step]), log.ranges[step])
             drawing.robot(poses[step], self.radius)
@@ -346,16 +351,6 @@ class LogEnv(gym.Env[Singles, Singles]):
         if self._step < 0:
             raise NoEpisodeError
         return self._step
-
-    def _compare(self, action: Floats, recorded: Singles) -> None:
-        """Refuse an action that is not the recorded one."""
-        if self._on_mismatch == "ignore" or np.abs(action - recorded).max() <= _SAME:
-            return
-        given, meant = (f"({', '.join(f'{one:.6g}' for one in row)})" for row in (action, recorded))
-        raise InputError(
-            f"the action of step {self.elapsed_steps + 1} is {given}, but {meant} was recorded: "
-            'give env.unwrapped.next_action, or make the env with on_mismatch="ignore".'
-        )
 
     def _info(self, action: Singles) -> dict[str, Any]:
         step = self._step
@@ -373,13 +368,3 @@ class LogEnv(gym.Env[Singles, Singles]):
             known = np.isfinite(self.log.reference[step])
             info["truth"] = np.where(known, self.log.reference[step], np.inf)
         return info
-
-
-def _blank(poses: Floats, unit: str) -> Any:
-    """Return a view of the area around poses, without a map."""
-    from deqmcl_gym.world.drawing import View
-
-    around = 50 * pixel(unit)
-    (x0, y0), (x1, y1) = poses[:, :2].min(axis=0) - around, poses[:, :2].max(axis=0) + around
-    ground = PolygonMap(((x0, y0), (x1, y0), (x1, y1), (x0, y1)), unit=unit)
-    return View(ground, scale=min(2.0, _SIDE * pixel(unit) / max(x1 - x0, y1 - y0)))

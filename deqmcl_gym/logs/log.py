@@ -59,15 +59,13 @@ class Scanner(Lidar):
     @classmethod
     def of_lidar(cls, lidar: Lidar) -> "Scanner":
         """Return the scanner of a simulated robot."""
+        mounts = zip(lidar.mounts, lidar.rows, strict=False)
         return cls(
             angles=tuple(lidar.bearings),
             max_range=float(lidar.max_range),
             sigma=lidar.sigma,
             mounting=lidar.mounting,
-            mounts=tuple(
-                replace(one, beams=rows.stop - rows.start)
-                for one, rows in zip(lidar.mounts, lidar.rows, strict=False)
-            ),
+            mounts=tuple(replace(mount, beams=rows.stop - rows.start) for mount, rows in mounts),
             min_range=lidar.min_range,
         )
 
@@ -131,10 +129,9 @@ class Scanner(Lidar):
         kept = np.rint(np.linspace(*ends, max_beams)).astype(int).tolist()
         angles = tuple(self.angles[i] for i in kept)
         left = [sum(rows.start <= i < rows.stop for i in kept) for rows in self.rows]
-        mounts = zip(self.mounts, left, strict=False)
-        return replace(
-            self, angles=angles, mounts=tuple(replace(one, beams=n) for one, n in mounts if n)
-        ), kept
+        pairs = zip(self.mounts, left, strict=False)
+        mounts = tuple(replace(mount, beams=n) for mount, n in pairs if n)
+        return replace(self, angles=angles, mounts=mounts), kept
 
 
 def ascending_times(source: str, what: str, given: ArrayLike) -> Floats:
@@ -255,10 +252,9 @@ class Log:
             "of the ranges without a return",
         ]
         if self.reference is not None:
-            between = self.referenced.size - self.posed.size
-            said = f", {between:,} of them interpolated" if between else ""
-            known = f"{self.referenced.size:,} of {len(self):,} records"
-            lines.append(f"reference: at {known}{said}")
+            known, between = self.referenced.size, self.referenced.size - self.posed.size
+            more = f", {between:,} of them interpolated" if between else ""
+            lines.append(f"reference: at {known:,} of {len(self):,} records{more}")
         if self.skipped:
             lines.append(said_of_skipped(self.skipped, len(self)))
         return "\n".join(lines)
@@ -305,8 +301,7 @@ class Log:
         """
         far = number("the distance of every", distance, low=0, finite=False)
         turned = number("the angle of every", angle, low=0, finite=False)
-        poses = self.odometry.tolist()
-        kept = [0]
+        poses, kept = self.odometry.tolist(), [0]
         for index, pose in enumerate(poses[1:], 1):
             if has_moved(poses[kept[-1]], pose, far, turned):
                 kept.append(index)
@@ -333,22 +328,16 @@ class Log:
         """Distance driven up to each record by odometry, plus 1 m for each radian turned, (n,)."""
         per_turn = 1 / PIXELS["m"] * PIXELS[self.unit]
         turned = np.abs(arrays.wrapped(np.diff(self.odometry[:, 2])))
-        return _sums(lengths_of(self.increments) + per_turn * turned)
+        return np.append(0.0, np.cumsum(lengths_of(self.increments) + per_turn * turned))
 
     @cached_property
     def driven(self) -> Floats:
         """Distance driven up to each record, by odometry, (n,)."""
-        return _sums(lengths_of(self.increments))
-
-
-def _sums(steps: Floats) -> Floats:
-    return np.concatenate([[0.0], np.cumsum(steps)])
+        return np.append(0.0, np.cumsum(lengths_of(self.increments)))
 
 
 def said_of_skipped(skipped: Mapping[str, int], kept: int) -> str:
     """Return the sentence on records left out, by reason, the most frequent first."""
-    total = sum(skipped.values())
-    reasons = ", ".join(
-        f"{count:,} {reason}" for reason, count in sorted(skipped.items(), key=lambda one: -one[1])
-    )
-    return f"skipped {total:,} of {total + kept:,} records: {reasons}"
+    total, reasons = sum(skipped.values()), sorted(skipped.items(), key=lambda item: -item[1])
+    listed = ", ".join(f"{count:,} {reason}" for reason, count in reasons)
+    return f"skipped {total:,} of {total + kept:,} records: {listed}"

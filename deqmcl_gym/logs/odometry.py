@@ -32,6 +32,8 @@ _APART = 2.5  # px (0.05 m): of such a step at least
 _ORIGIN = 0.1  # of the slack: how near to (0, 0, 0) a driver begins
 _NOTHING = np.zeros((1, 3))
 
+Limit = tuple[float, float]  # of a length and of an angle
+
 
 class Taken(enum.Enum):
     """What became of a message."""
@@ -98,9 +100,8 @@ class Odometry:
 
     def __init__(self, unit: str = "m", fastest: tuple[float, float] | None = None) -> None:
         """Begin without a message; steps above ``fastest``, per s and rad/s, are jumps."""
-        size = pixel(unit)
-        self._fastest = (FASTEST[0] * size, FASTEST[1]) if fastest is None else fastest
-        self._slack = SLACK[0] * size, SLACK[1]
+        usual, slack = _limits(unit)
+        self._limits = fastest or usual, slack
         self.stretch, self.jumps = Stretch(), 0
         self._raw: Pose | None = None  # the latest as it came
         self._older: tuple[float, Pose] | None = None  # the message before, if far too old
@@ -146,12 +147,16 @@ class Odometry:
 
     def _jumped(self, seconds: float, raw: Pose) -> bool:
         assert self._raw is not None
-        return _jumps(self._raw, raw, seconds, self._fastest, self._slack)
+        return _jumps(self._raw, raw, seconds, *self._limits)
 
 
-def _jumps(
-    last: Pose, pose: Pose, seconds: float, fastest: tuple[float, float], slack: tuple[float, float]
-) -> bool:
+def _limits(unit: str) -> tuple[Limit, Limit]:
+    """Return the fastest that a robot drives, and the slack of a step, in a unit of length."""
+    size = pixel(unit)
+    return (FASTEST[0] * size, FASTEST[1]), (SLACK[0] * size, SLACK[1])
+
+
+def _jumps(last: Pose, pose: Pose, seconds: float, fastest: Limit, slack: Limit) -> bool:
     """Whether no robot drives so, or a driver begins anew at (0, 0, 0), maybe after a pause."""
     (far, turned), (along, turn) = fastest, slack
     if has_moved(last, pose, far * seconds + along, turned * seconds + turn):
@@ -242,10 +247,8 @@ def frame_of(there: Pose, raw: Pose) -> Pose:
 
 def jumps_in(times: Floats, poses: Floats, unit: str) -> Bools:
     """Return which steps between poses (n, 3) at times (n,) no robot drives, (n - 1,)."""
-    size = pixel(unit)
-    fastest, slack = (FASTEST[0] * size, FASTEST[1]), (SLACK[0] * size, SLACK[1])
     steps = zip(pairwise(map(tuple, poses.tolist())), np.diff(times).tolist(), strict=True)
-    return np.array([_jumps(*pair, seconds, fastest, slack) for pair, seconds in steps], np.bool_)
+    return np.array([_jumps(*pair, seconds, *_limits(unit)) for pair, seconds in steps], np.bool_)
 
 
 def without_jumps(times: Floats, poses: Floats, unit: str) -> tuple[Floats, int]:

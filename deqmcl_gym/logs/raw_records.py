@@ -12,21 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from deqmcl_gym.logs import odometry, scans
 from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
 from deqmcl_gym.logs.motion import nearest_in_time, relative
-from deqmcl_gym.logs.odometry import (
-    JudgedOdometry,
-    clock_shifts,
-    remarks_of,
-    without_jumps,
-)
-from deqmcl_gym.logs.scans import (
-    Fan,
-    at_usual_bearings,
-    dropped_words,
-    no_return_codes,
-    usual_fan,
-)
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
 from deqmcl_gym.validation import LARGEST, InputError, tell
 
@@ -47,7 +35,7 @@ class RawRecord(NamedTuple):
     time: float
     odometry: Sequence[float]
     ranges: Sequence[float]
-    fan: Fan | None = None
+    fan: scans.Fan | None = None
     frame: str = ""  # of the scan, "" for none
     reference: Sequence[float] = ()
     number: int = 0  # of its message, as those of the odometry are counted
@@ -67,11 +55,11 @@ class RawRecords:
         """The time of each record, s."""
         return [record.time for record in self.records]
 
-    def with_odometry(self, odometry: JudgedOdometry) -> "RawRecords":
+    def with_odometry(self, moved: odometry.JudgedOdometry) -> "RawRecords":
         """Return the records with the odometry at their times, of those that have one."""
         known, last = [], None
         for record in self.records:
-            placed = odometry.at(record.number, record.time)
+            placed = moved.at(record.number, record.time)
             if placed is None:
                 self.damage[NO_ODOMETRY] += 1
             elif record.time == last:
@@ -82,7 +70,9 @@ class RawRecords:
             last = record.time
         return replace(self, records=known, judged=True)
 
-    def log(self, scanner_of: Callable[[int, str, Fan | None], Scanner], *, unit: str = "m") -> Log:
+    def log(
+        self, scanner_of: Callable[[int, str, scans.Fan | None], Scanner], *, unit: str = "m"
+    ) -> Log:
         """Return the sound records as a log; warn of the others, and of all that is not as usual.
 
         The scanner has the usual beams and limits of the scans, and is made by
@@ -102,7 +92,7 @@ class RawRecords:
             records = left
         times = np.array([record.time for record in records])
         if not self.judged:
-            shifts = clock_shifts(times)
+            shifts = odometry.clock_shifts(times)
             times, resets = times + shifts, int(np.count_nonzero(np.diff(shifts)))
         order = ascending(times, self.damage)
         if not order.size:
@@ -112,14 +102,14 @@ class RawRecords:
         poses = np.array([record.odometry for record in records], dtype=np.float64)
         remarks = [said_of_skipped(self.damage, order.size)] if self.damage else []
         if not self.judged:
-            poses, jumps = without_jumps(times, poses, unit)
-            remarks += remarks_of(resets, jumps)
+            poses, jumps = odometry.without_jumps(times, poses, unit)
+            remarks += odometry.remarks_of(resets, jumps)
         try:
             scanner, ranges, varying = _seen(records, frame, scanner_of)
         except InputError as error:
             self._tell(remarks)
             raise InputError(f"{self.source}: {error}") from None
-        large, small = no_return_codes(ranges)
+        large, small = scans.no_return_codes(ranges)
         for code in (*large, *small):
             share = np.mean(ranges == np.float32(code))
             remarks.append(
@@ -129,7 +119,7 @@ class RawRecords:
         limits = max([scanner.min_range, *small]), min([scanner.max_range, *large])
         scanner = replace(scanner, min_range=limits[0], max_range=limits[1])
         ranges = scanner.measured(ranges) if large or small else ranges
-        self._tell([*remarks, varying, dropped_words(ranges, limits, unit)])
+        self._tell([*remarks, varying, scans.dropped_words(ranges, limits, unit)])
         log = Log(
             scanner, times, poses, ranges, self._reference(records), unit,
             skipped=dict(self.damage), source=self.source,
@@ -153,17 +143,19 @@ class RawRecords:
 
 
 def _seen(
-    records: Sequence[RawRecord], frame: str, scanner_of: Callable[[int, str, Fan | None], Scanner]
+    records: Sequence[RawRecord],
+    frame: str,
+    scanner_of: Callable[[int, str, scans.Fan | None], Scanner],
 ) -> tuple[Scanner, Singles, str | None]:
     """Return the scanner, its ranges, (n, beams), and what is to be told of varying scans."""
-    scans = [record.ranges for record in records]
+    ranges = [record.ranges for record in records]
     fans = [record.fan for record in records if record.fan is not None]
     if not fans:
-        scanner = scanner_of(len(scans[0]), frame, None)
-        return scanner, scanner.measured(np.array(scans)), None
-    beams, usual = usual_fan(list(map(len, scans)), fans)
+        scanner = scanner_of(len(ranges[0]), frame, None)
+        return scanner, scanner.measured(np.array(ranges)), None
+    beams, usual = scans.usual_fan(list(map(len, ranges)), fans)
     scanner = scanner_of(beams, frame, usual)
-    return scanner, *at_usual_bearings(scans, fans, beams, usual, scanner.max_range)
+    return scanner, *scans.at_usual_bearings(ranges, fans, beams, usual, scanner.max_range)
 
 
 def warn_of_few(log: Log, reference: str) -> None:

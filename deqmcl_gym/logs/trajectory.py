@@ -15,18 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.files import numbers_of, save, text_of
+from deqmcl_gym.logs import raw_records
 from deqmcl_gym.logs.bags import poses_of_topic
 from deqmcl_gym.logs.log import Log, ascending_times, said_of_skipped
 from deqmcl_gym.logs.motion import between, composed, heading_of, nearest_in_time, relative
 from deqmcl_gym.logs.odometry import jumps_in, times_words
-from deqmcl_gym.logs.raw_records import (
-    NOT_FINITE,
-    UNREADABLE,
-    ascending,
-    stamped,
-    usable,
-    warn_of_few,
-)
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import Bools, Floats, Indices, arrays
 from deqmcl_gym.validation import LARGEST, InputError, array, number, real, shown, tell
@@ -127,11 +120,11 @@ def tum_rows(file: Path) -> tuple[Floats, str, Counter[str]]:
         except ValueError:
             quaternion = []
         if len(quaternion) != 4:
-            damage[UNREADABLE] += 1
+            damage[raw_records.UNREADABLE] += 1
         else:
             rows.append([time, x, y, *quaternion])
     table = np.array(rows).reshape(-1, 7)
-    known = usable(table)
+    known = raw_records.usable(table)
     table[known, 3:] = _upright(table[known, 3:], str(file))
     headings = np.full(len(table), np.nan)
     headings[known] = heading_of(table[known, 3:])
@@ -170,9 +163,9 @@ def sound_poses(
     rows: Floats, source: str, damage: Counter[str], covariances: Floats | None = None
 ) -> Trajectory:
     """Return the trajectory of the sound rows t, x, y, θ, (n, 4), in order; tell of the others."""
-    sound = usable(rows)
+    sound = raw_records.usable(rows)
     if not sound.all():
-        damage[NOT_FINITE] += int((~sound).sum())
+        damage[raw_records.NOT_FINITE] += int((~sound).sum())
     kept = np.flatnonzero(sound)
     if not kept.size:
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""
@@ -180,7 +173,7 @@ def sound_poses(
             f"{source} has no usable pose{why}{clock_words(rows)}: each needs a time and finite x, "
             "y and heading; a TUM trajectory has lines t x y z qx qy qz qw."
         )
-    kept = kept[ascending(rows[kept, 0], damage)]
+    kept = kept[raw_records.ascending(rows[kept, 0], damage)]
     if damage:
         tell(f"{source}: {said_of_skipped(damage, kept.size)}.")
     spread = None if covariances is None else covariances[kept]
@@ -202,14 +195,14 @@ def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajec
     if ending in _BAGS and (file.is_dir() or ending):
         rows, covariances = poses_of_topic(file, topic)
         source = f"{file}:{topic}" if topic else str(file)
-        return sound_poses(stamped(rows), source, Counter(), covariances)
+        return sound_poses(raw_records.stamped(rows), source, Counter(), covariances)
     if topic is not None:
         raise InputError(f"{file} is no bag, so it has no topic {topic}: leave it out.")
     if ending == ".csv":
         rows, covariances = _read_csv(file)
-        return sound_poses(stamped(rows), str(file), Counter(), covariances)
+        return sound_poses(raw_records.stamped(rows), str(file), Counter(), covariances)
     rows, source, damage = tum_rows(file)
-    return sound_poses(stamped(rows), source, damage)
+    return sound_poses(raw_records.stamped(rows), source, damage)
 
 
 def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
@@ -309,7 +302,7 @@ def referenced(
     found[close], found[exact] = moved[close], poses[own]
     found[among] = composed(poses[first], here + share[:, None] * missed)
     done = replace(log, reference=found, interpolated=among & ~close)
-    warn_of_few(done, trajectory.source)
+    raw_records.warn_of_few(done, trajectory.source)
     jumps = np.flatnonzero(jumps_in(times, poses, log.unit))
     if jumps.size:
         steps = np.hypot(*np.diff(poses[:, :2], axis=0)[jumps].T)
