@@ -102,17 +102,14 @@ def replay_command(options: argparse.Namespace) -> str:
     how = Options(where=Where(jobs=options.jobs, timeout=options.timeout))
     mcap = mcap_of(options)
     limits_of(options.fail_if)  # refused before anything is read
+    names = ("reference", "start", "particles", "seeds", "seed")
     plan = planned(
         options.log,
         options.map,
         localizers_named(options.localizers),
-        reference=options.reference,
-        start=options.start,
         settings=_settings(options),
-        particles=options.particles,
-        seeds=options.seeds,
-        seed=options.seed,
         nav2=_amcl(options),
+        **{name: getattr(options, name) for name in names},
     )
     limits_of(options.fail_if, [method.shown for method in plan.sweep.localizers])
     if options.dry_run:
@@ -224,15 +221,8 @@ def smooth_command(options: argparse.Namespace) -> str:
     """
     from benchmarks.robots.smoothing import smooth
 
-    smoothed = smooth(
-        options.log,
-        options.map,
-        start=options.start,
-        settings=_settings(options),
-        particles=options.particles,
-        seeds=options.seeds,
-        seed=options.seed,
-    )
+    how = {name: getattr(options, name) for name in ("start", "particles", "seeds", "seed")}
+    smoothed = smooth(options.log, options.map, settings=_settings(options), **how)
     files = ", ".join(path.name for path in smoothed.write(options.out))
     return f"{smoothed}\n\nWritten to {options.out}: {files}."
 

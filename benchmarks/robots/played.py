@@ -22,7 +22,7 @@ from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
 from deqmcl_gym.logs.trajectory import tolerance_of
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import Floats, Pose
+from deqmcl_gym.numerics import Pose
 from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import OmniMotion, RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of
@@ -316,33 +316,29 @@ def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
     if unknown := len(played) - known.size:
         counts.append(f"{unknown:,} without one do not count")
     said = f"Reference: {'; '.join(counts)}."
-    off = interpolation_errors(whole) if between else None
-    if off is None:
-        return said
-    size = metre(whole.unit)
-    middle, most = zip(*(np.quantile(errors, (0.5, 0.95)) for errors in off), strict=True)
-    return (
-        f"{said} Every second pose, left out and interpolated from its neighbours, is off by "
-        f"{middle[0] / size:.3f} m and {math.degrees(middle[1]):.1f}° (median), "
-        f"{most[0] / size:.3f} m and {math.degrees(most[1]):.1f}° (95 %): errors "
-        "of that size may be the reference's."
-    )
+    return said + _interpolated_words(whole) if between else said
 
 
-def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
-    """How far off every second reference pose is if it is interpolated between its neighbours.
+def _interpolated_words(log: Log) -> str:
+    """Say how far off every second reference pose is if it is interpolated between its neighbours.
 
-    Lengths and angles, (k,) each, more than at the records between; None if there are none.
+    More than at the records between; "" if there are none.
     """
-    at = log.posed
+    at, size = log.posed, metre(log.unit)
     if log.reference is None or at.size < 3:
-        return None
+        return ""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # of few records: half of them are left out
         half = referenced(log, Trajectory(log.times[at[::2]], log.reference[at[::2]]))
     hidden = at[1:-1:2]
     assert half.reference is not None
     if not np.isfinite(half.reference[hidden]).any():
-        return None
+        return ""
     off = absolute(log.reference[hidden], half.reference[hidden])
-    return off.translation, off.rotation
+    position = np.quantile(off.translation, (0.5, 0.95)) / size
+    heading = np.degrees(np.quantile(off.rotation, (0.5, 0.95)))
+    return (
+        " Every second pose, left out and interpolated from its neighbours, is off by "
+        f"{position[0]:.3f} m and {heading[0]:.1f}° (median), {position[1]:.3f} m and "
+        f"{heading[1]:.1f}° (95 %): errors of that size may be the reference's."
+    )

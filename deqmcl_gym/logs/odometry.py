@@ -125,18 +125,18 @@ class Odometry:
                 self._older = (time, raw)
             if older is None or self._older is None or time <= older[0]:
                 return Taken.LATE
-            taken, last = Taken.RESET, self.stretch
-            self.stretch = Stretch()
-            jumped = self._jumped(0.0, older[1])
-            self._keep(*older, frame_of(last.poses[-1], older[1]) if jumped else last.frames[-1])
-        self._older = None
-        last = self.stretch
-        if self._jumped(time - last.times[-1], raw):
-            self.jumps += 1
-            self._keep(time, raw, frame_of(last.poses[-1], raw))
-        else:
-            self._keep(time, raw, last.frames[-1])
+            taken, before, self.stretch = Taken.RESET, self.stretch, Stretch()
+            self._follow(*older, before, 0.0)
+        self._older, last = None, self.stretch
+        self.jumps += self._follow(time, raw, last, time - last.times[-1])
         return taken
+
+    def _follow(self, time: float, raw: Pose, last: Stretch, seconds: float) -> bool:
+        """Keep a pose so long after the last one of a stretch; return whether it is a jump."""
+        assert self._raw is not None
+        jumped = _jumps(self._raw, raw, seconds, *self._limits)
+        self._keep(time, raw, frame_of(last.poses[-1], raw) if jumped else last.frames[-1])
+        return jumped
 
     def _keep(self, time: float, raw: Pose, frame: Pose | None) -> None:
         here = raw if frame is None else one_pose(composed(np.array([frame]), np.array(raw)))
@@ -144,10 +144,6 @@ class Odometry:
         self.stretch.times.append(time)
         self.stretch.poses.append(here)
         self.stretch.frames.append(frame)
-
-    def _jumped(self, seconds: float, raw: Pose) -> bool:
-        assert self._raw is not None
-        return _jumps(self._raw, raw, seconds, *self._limits)
 
 
 def _limits(unit: str) -> tuple[Limit, Limit]:
@@ -204,9 +200,9 @@ class JudgedOdometry:
     def at(self, number: float, time: float) -> tuple[float, Pose] | None:
         """Return the time, shifted, and the pose of a message of this number and stamp, or None."""
         last = bisect.bisect_right(self.begins, number) - 1
-        for one in (last, last - 1):
-            if one >= 0 and (pose := self.stretches[one].at(time)) is not None:
-                return time + self.shifts[one], pose
+        for at in range(last, max(last - 2, -1), -1):
+            if (pose := self.stretches[at].at(time)) is not None:
+                return time + self.shifts[at], pose
         return None
 
     def shifted(self, numbers: Floats, times: Floats) -> Floats:
@@ -323,8 +319,8 @@ def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> lis
     return sorted((np.flatnonzero(own == one) for one in (0, 1)), key=len, reverse=True)
 
 
-def publisher_words(times: Floats, poses: Floats) -> str:
-    """Say how often a publisher's messages come, and how far it says that the robot went."""
-    rate = 1 / max(float(np.median(np.diff(times))), 1e-9)
-    steps = increments_of(poses)
+def publisher_words(rows: Floats) -> str:
+    """Say how often messages t, x, y, θ come, and how far they say that the robot went."""
+    rate = 1 / max(float(np.median(np.diff(rows[:, 0]))), 1e-9)
+    steps = increments_of(rows[:, 1:])
     return f"{rate:.3g} Hz, {np.hypot(steps[:, 0], steps[:, 1]).sum():.1f} m"

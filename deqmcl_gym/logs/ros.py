@@ -3,6 +3,7 @@
 Transforms between the frames of a robot give the scanner's mounting and, if need be, the odometry.
 """
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -129,8 +130,7 @@ class _Messages:
                 continue
             self._take(sent, message)
         for topic, scans in self.scanned.items():
-            times = scans.times
-            if len(times) > 1 and not any(times):
+            if len(scans.times) > 1 and not any(scans.times):
                 raise InputError(
                     f"the headers of {topic} in {self.name} have no stamps (all are 0), so its "
                     "scans have no odometry: write the times of the scans into their headers."
@@ -147,9 +147,8 @@ class _Messages:
         elif sent.topic == UNIT_TOPIC:
             self.unit = message.data
         elif (scans := self.scanned.get(sent.topic)) is not None:
-            limits = (
-                0.0 if np.isnan(r) else float(r) for r in (message.range_min, message.range_max)
-            )
+            least, most = float(message.range_min), float(message.range_max)
+            limits = (0.0 if math.isnan(limit) else limit for limit in (least, most))
             fan = Fan(float(message.angle_min), self._increment(message), *limits)
             stamp, frame = seconds_of(message.header.stamp), frame_name(message.header.frame_id)
             record = RawRecord(stamp, (0, 0, 0), message.ranges, fan, frame, number=sent.number)
@@ -201,11 +200,9 @@ class _Messages:
             topic: scans.with_odometry(odometry).log(partial(scanner_of, topic), unit=self.unit)
             for topic, scans in self.scanned.items()
         }
-        return (
-            paired_scans(scanned, self.name, apart)
-            if len(scanned) > 1
-            else next(iter(scanned.values()))
-        )
+        if len(scanned) == 1:
+            return scanned.popitem()[1]
+        return paired_scans(scanned, self.name, apart)
 
     def moved_by(
         self, base_frame: str | None, odometry_frame: str | None, publisher: int | None
@@ -217,13 +214,11 @@ class _Messages:
         scan_frame = scans.records[0].frame if scans.records else ""
         flaw = None
         if self.moved:
+            named = next(iter(self.moved))  # which may be wrong or missing
             if len(self.moved) > 1:
-                one = asked or only_frame(self.moved, f"{self.odometry} in {self.name}")
-                named = one_of("base_frame", one, self.moved)
-            else:
-                (named,) = self.moved  # which may be wrong or missing
-            rows = self.moved[named]
-            base = asked or named or _ROBOT
+                named = asked or only_frame(self.moved, f"{self.odometry} in {self.name}")
+                one_of("base_frame", named, self.moved)
+            rows, base = self.moved[named], asked or named or _ROBOT
             flaw = _flaw(rows, str(self.odometry), scans.times)
             doubt = self._doubt(rows)
             if flaw is None and (doubt is None or not frames.has_odometry):
@@ -251,9 +246,8 @@ class _Messages:
     def _doubt(self, moved: PoseRows) -> str | None:
         """Say why poses on a topic of odometry may be none; None if they look like it."""
         if known := sorted(moved.frames & {MAP_FRAME, "world"}):
-            return (
-                f"the poses of {self.odometry} are in frame {known[0]}, as an estimate or the truth"
-            )
+            whose = "as an estimate or the truth"
+            return f"the poses of {self.odometry} are in frame {known[0]}, {whose}"
         rows = moved.poses[np.isfinite(moved.poses).all(axis=1)]
         if len(rows) < 2:
             return None
@@ -270,21 +264,18 @@ class _Messages:
         finite = np.flatnonzero(np.isfinite(rows).all(axis=1))
         own = publishers(rows[finite, 0], rows[finite, 1:], table[finite, 2], self.unit)
         chosen = integer("odometry_publisher", publisher or 1, low=1, high=len(own))
-        remarks = []
         if len(own) > 1:
-            said = "; ".join(
-                f"{count}: {publisher_words(rows[finite[one], 0], rows[finite[one], 1:])}"
-                for count, one in enumerate(own, 1)
-            )
-            remarks.append(
-                f"{len(own)} publishers send odometry on {where} ({said}): "
+            each = enumerate((rows[finite[messages]] for messages in own), 1)
+            listed = "; ".join(f"{n}: {publisher_words(part)}" for n, part in each)
+            self._tell(
+                f"{len(own)} publishers send odometry on {where} ({listed}): "
                 f"{chosen} is taken, choose another by odometry_publisher"
                 f"{like('odometry_publisher', 1 + chosen % len(own))}"
             )
             kept = finite[own[chosen - 1]]
             table, rows = table[kept], rows[kept]
         judged = JudgedOdometry.of(table[:, 0], table[:, 1], rows, self.unit)
-        for remark in [*remarks, *judged.remarks]:
+        for remark in judged.remarks:
             self._tell(remark)
         return judged
 
