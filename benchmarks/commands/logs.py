@@ -288,7 +288,8 @@ def tune_command(options: argparse.Namespace) -> str:
     where = Where(jobs=options.jobs, timeout=options.timeout)
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     tuning = search(task, options.out, how, options.candidates)
-    return write_tuned(tuning, options.out, options.words, nav2 and nav2.file, options.node)
+    nav2_file = next(iter(options.nav2), None)
+    return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":

@@ -20,12 +20,7 @@ from benchmarks.report.page import no_report, page_files
 from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
 from benchmarks.report.verdict import conclusion
-from benchmarks.robots.calibration import (
-    doubts_of,
-    judged_after_part,
-    misfit_words,
-    with_fitted_power,
-)
+from benchmarks.robots import calibration
 from benchmarks.robots.nav2 import Amcl, read_nav2
 from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, replay_of, values_among
 from benchmarks.robots.residuals import PICTURE, TABLE, residuals_of
@@ -99,18 +94,21 @@ def planned(
         )
     warnings = warn(of_reader)  # whatever fails later
     params = params_by_localizer(values_among(settings), localizers)
-    replay = judged_after_part(replay)
+    replay = calibration.judged_after_part(replay)
     if any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items()):
-        replay = with_fitted_power(replay)
+        replay = calibration.with_fitted_power(replay)
     sweep = replay_sweep(
         replay, localizers, particles=particles, seeds=seeds, root=seed, nav2=nav2, own=params
     )
     check(sweep)
     warnings += warn(gated(sweep, settings.get("world.every")))
     for file in nav2:
-        amcl = {**file.params, **params["amcl"]} if "amcl" in params else None
-        warnings += warn([*file.notes, *([] if amcl is None else file.differences(amcl, replay))])
-        if particles is not None and amcl is not None:
+        warnings += warn(file.notes)
+        if "amcl" not in params:
+            continue
+        amcl = {**file.params, **params["amcl"]}
+        warnings += warn(file.differences(amcl, replay))
+        if particles is not None:
             own = f"has the file's, {amcl['min_particles']} to {amcl['max_particles']}"
             more = "--set params.amcl.max_particles=… makes the comparison fair"
             warnings += warn([f"--particles {particles} is not of amcl, which {own}: {more}"])
@@ -256,7 +254,7 @@ def run_replay(
     with begun(sweep, out, options, command=command) as running:
         shown = [
             *plan.warnings,
-            *warn([replay.sideways, *doubts_of(replay.scenario), touches(replay)]),
+            *warn([replay.sideways, *calibration.doubts_of(replay.scenario), touches(replay)]),
         ]
         results = running.results()
         records, failed = dict[str, list[Finished]](), dict[str, int]()
@@ -266,7 +264,9 @@ def run_replay(
         runs = runs_frame(records, failed, replay.log)
         if not replay.log.referenced.size and len(done := ended(runs)):
             where = "from the poses that the best run estimates"
-            shown += warn([misfit_words(max(done["agreement_03"]), where, replay.log.scanner)])
+            shown += warn(
+                [calibration.misfit_words(max(done["agreement_03"]), where, replay.log.scanner)]
+            )
         wrong = residuals_of(replay, runs) if residuals else None
         with doing(f"writing the report in {out}"):
             contents = {
@@ -303,10 +303,9 @@ def run_replay(
 def touches(replay: Replay) -> str | None:
     """Return the warning that the reference itself touches walls; None if it does not."""
     log, floor_plan = replay.scenario.recording()
-    if log.reference is None or not log.referenced.size:
-        return None
+    poses = np.empty((0, 3)) if log.reference is None else log.reference[log.referenced]
     radius = replay.scenario.room().radius
-    inside = ~floor_plan.free(log.reference[log.referenced, :2], radius)
+    inside = ~floor_plan.free(poses[:, :2], radius)
     if not inside.any():
         return None
     return (
@@ -318,9 +317,8 @@ def touches(replay: Replay) -> str | None:
 
 def _tracks(replay: Replay, runs: pd.DataFrame) -> dict[str, bytes]:
     """Return the trajectories of all runs, and the reference, as TUM files by name."""
-    log, files = replay.log, {}
-    if log.reference is not None and log.referenced.size:
-        known = log.referenced
+    log, known, files = replay.log, replay.log.referenced, {}
+    if log.reference is not None and known.size:
         files[f"{_TRACKS}/reference.tum"] = Trajectory(log.times[known], log.reference[known]).tum
     labels = list(runs["label"].unique())
     words = dict(zip(labels, file_words(labels), strict=True))

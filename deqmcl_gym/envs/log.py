@@ -67,14 +67,14 @@ def map_of(given: Any, unknown: Any, log: logs.Log) -> Map | None:
         given = {"file": given, "unknown": unknown}
     if given is None:
         return None
-    found = (
-        given if isinstance(given, Map) else WORLDS["paper"].changed(floor_plan=given).floor_plan
-    )
-    if found.unit != log.unit:
+    ours = isinstance(given, Map)
+    floor_plan: Map = given if ours else WORLDS["paper"].changed(floor_plan=given).floor_plan
+    if floor_plan.unit != log.unit:
         raise InputError(
-            f"the map is in {found.unit}, but {log.source} in {log.unit}: give a map in {log.unit}."
+            f"the map is in {floor_plan.unit}, but {log.source} in {log.unit}: give a map in "
+            f"{log.unit}."
         )
-    return found
+    return floor_plan
 
 
 def log_segments(log: logs.Log, length: float | None) -> Indices:
@@ -91,10 +91,9 @@ def log_segments(log: logs.Log, length: float | None) -> Indices:
     last = np.maximum(np.searchsorted(way, way + length), np.arange(1, len(log) + 1))
     whole = last < len(log)
     if log.reference is not None:
-        unknown = np.ones(len(log), np.intp)
-        unknown[log.referenced] = 0
-        unknown = np.concatenate([[0], np.cumsum(unknown)])  # among the first k, (n + 1,)
-        whole[whole] = unknown[last[whole] + 1] == unknown[:-1][whole]
+        known = np.searchsorted(log.referenced, np.arange(len(log) + 1))  # among the first k
+        first = np.flatnonzero(whole)
+        whole[first] = known[last[first] + 1] - known[first] == last[first] + 1 - first
     if not whole.any():
         where = "" if log.reference is None else " with a reference at each record"
         raise InputError(
@@ -229,10 +228,11 @@ class LogEnv(gym.Env[Singles, Singles]):
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
-        whole = log_of(log, reference, reading).segment(start, length)
-        apart = None if every is None else spacing("every", every, whole.unit)
-        played = whole if apart is None else whole.spaced(*apart)
-        self.log = played if max_beams is None else played.with_beams(max_beams)
+        self.log = whole = log_of(log, reference, reading).segment(start, length)
+        if every is not None:
+            self.log = self.log.spaced(*spacing("every", every, whole.unit))
+        if max_beams is not None:
+            self.log = self.log.with_beams(max_beams)
         if len(self.log) < 2:
             raise InputError(
                 f"{self.log.source} has {len(self.log)} record to play (of {len(whole):,} in the "
@@ -241,17 +241,13 @@ class LogEnv(gym.Env[Singles, Singles]):
         self._map = map_of(map, unknown, self.log)
         self.lidar, usual = self.log.scanner, _RADIUS * pixel(self.log.unit)
         if changed_walls is not None:
-            driven = np.empty((0, 2))
-            if self.log.reference is not None:
-                driven = self.log.reference[self.log.referenced, :2]
-            self._map = map_changed(self.floor_plan, changed_walls, driven, usual)
+            true, known = self.log.reference, self.log.referenced
+            driven = np.empty((0, 3)) if true is None else true[known]
+            self._map = map_changed(self.floor_plan, changed_walls, driven[:, :2], usual)
         self.radius = usual if radius is None else number("radius", radius, low=0)
         self._segments = log_segments(self.log, segment)
         self._actions = self.log.increments.astype(np.float32)
-        shows = one_of("plan", plan, PLANS) == "odometry"
-        planned = self.log.increments if shows else np.empty((0, 3))
-        self._plan = np.vstack([planned, np.zeros((self._horizon, 3))]).astype(np.float32)
-        self._planned = len(planned)
+        self._shows = one_of("plan", plan, PLANS) == "odometry"
         most = np.maximum(np.abs(self._actions).max(axis=0), np.float32(1e-6))
         self.action_space = gym.spaces.Box(-most, most, dtype=np.float32)
         reach = self.lidar.max_range
@@ -354,9 +350,9 @@ class LogEnv(gym.Env[Singles, Singles]):
 
     def _info(self, action: Singles) -> dict[str, Any]:
         step = self._step
-        count = max(0, min(self._horizon, self._planned - step, self._last - step))
-        planned = self._plan[step : step + self._horizon].copy()
-        planned[count:] = 0.0
+        count = min(self._horizon, self._last - step) if self._shows else 0
+        planned = np.zeros((self._horizon, 3), np.float32)
+        planned[:count] = self._actions[step : step + count]
         info: dict[str, Any] = {
             "planned_actions": planned,
             "planned_count": np.int64(count),

@@ -214,12 +214,8 @@ def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX
     scan is in two records. Records without such a scan are left out and counted.
     """
     slowest = min(scanned, key=lambda topic: len(scanned[topic]))
-    base = scanned[slowest]
-    partner = {
-        topic: np.arange(len(base)) if topic == slowest else _partners(base, log, max_apart)
-        for topic, log in scanned.items()
-    }
-    unpaired = Counter[str]()
+    base, unpaired = scanned[slowest], Counter[str]()
+    partner = {topic: _partners(base, log, max_apart) for topic, log in scanned.items()}
     for topic, found in partner.items():
         if lost := int((found < 0).sum()):
             unpaired[f"without a scan of {topic} within {max_apart:g} s"] += lost
@@ -257,14 +253,14 @@ def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX
 
 def _partners(base: Log, other: Log, max_apart: float) -> Indices:
     """Return for each record of ``base`` the scan nearest in time, its own alone; -1 for none."""
+    if other is base:
+        return np.arange(len(base))
     found, least = nearest_in_time(other.times, base.times)
     found[least > max_apart + 1e-9] = -1
     # of two records with one scan the nearer has it
     order = np.argsort(least, kind="stable")
     _, first = np.unique(found[order], return_index=True)
-    lost = np.ones(len(base), np.bool_)
-    lost[order[first]] = False
-    found[lost] = -1
+    found[np.setdiff1d(order, order[first])] = -1
     return found
 
 

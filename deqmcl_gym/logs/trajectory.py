@@ -102,11 +102,12 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"the reference is {shown(path)}, but must be the path of a TUM file.")
-    return sound_poses(*tum_rows(Path(path)))
+    rows, damage = tum_rows(Path(path))
+    return sound_poses(rows, str(Path(path)), damage)
 
 
-def tum_rows(file: Path) -> tuple[Floats, str, Counter[str]]:
-    """Return t, x, y, θ of the lines of a TUM file, (n, 4), its name, and what else is in it.
+def tum_rows(file: Path) -> tuple[Floats, Counter[str]]:
+    """Return t, x, y, θ of the lines of a TUM file, (n, 4), and what else is in it.
 
     NaN is where a number or the quaternion of a line is no pose.
     """
@@ -128,7 +129,7 @@ def tum_rows(file: Path) -> tuple[Floats, str, Counter[str]]:
     table[known, 3:] = _upright(table[known, 3:], str(file))
     headings = np.full(len(table), np.nan)
     headings[known] = heading_of(table[known, 3:])
-    return np.column_stack([table[:, :3], headings]), str(file), damage
+    return np.column_stack([table[:, :3], headings]), damage
 
 
 def _upright(quaternions: Floats, source: str) -> Floats:
@@ -149,16 +150,6 @@ def _upright(quaternions: Floats, source: str) -> Floats:
     return quaternions[:, [1, 2, 3, 0]] if first else quaternions
 
 
-def clock_words(rows: Floats) -> str:
-    """Ask whether the times of rows t, … are in another unit than s; "" if they may be in s."""
-    times = rows[np.isfinite(rows[:, 0]), 0]
-    usual = float(np.median(times)) if times.size else 0.0
-    for least, unit in _CLOCKS:
-        if usual > least:
-            return f": its times are about {usual:.3g}: are these {unit}? Write seconds"
-    return ""
-
-
 def sound_poses(
     rows: Floats, source: str, damage: Counter[str], covariances: Floats | None = None
 ) -> Trajectory:
@@ -169,8 +160,13 @@ def sound_poses(
     kept = np.flatnonzero(sound)
     if not kept.size:
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""
+        times = rows[np.isfinite(rows[:, 0]), 0]
+        usual = float(np.median(times)) if times.size else 0.0
+        unit = next((unit for least, unit in _CLOCKS if usual > least), None)
+        if unit is not None:
+            why += f": its times are about {usual:.3g}: are these {unit}? Write seconds"
         raise InputError(
-            f"{source} has no usable pose{why}{clock_words(rows)}: each needs a time and finite x, "
+            f"{source} has no usable pose{why}: each needs a time and finite x, "
             "y and heading; a TUM trajectory has lines t x y z qx qy qz qw."
         )
     kept = kept[raw_records.ascending(rows[kept, 0], damage)]
@@ -192,17 +188,17 @@ def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajec
     file = Path(path)
     packed = file.suffix.lower() == ".gz"
     ending = "" if file.is_dir() else (Path(file.stem) if packed else file).suffix.lower()
+    source, damage, covariances = str(file), Counter[str](), None
     if ending in _BAGS and (file.is_dir() or ending):
         rows, covariances = poses_of_topic(file, topic)
-        source = f"{file}:{topic}" if topic else str(file)
-        return sound_poses(raw_records.stamped(rows), source, Counter(), covariances)
-    if topic is not None:
+        source += f":{topic}" if topic else ""
+    elif topic is not None:
         raise InputError(f"{file} is no bag, so it has no topic {topic}: leave it out.")
-    if ending == ".csv":
+    elif ending == ".csv":
         rows, covariances = _read_csv(file)
-        return sound_poses(raw_records.stamped(rows), str(file), Counter(), covariances)
-    rows, source, damage = tum_rows(file)
-    return sound_poses(raw_records.stamped(rows), source, damage)
+    else:
+        rows, damage = tum_rows(file)
+    return sound_poses(raw_records.stamped(rows), source, damage, covariances)
 
 
 def _read_csv(path: Path) -> tuple[Floats, Floats | None]:

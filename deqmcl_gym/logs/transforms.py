@@ -230,12 +230,11 @@ class Frames:
         alike = [name for name in names if _last(name) == _last(frame)]
         return frame if frame in names or len(alike) != 1 else alike[0]
 
-    def _chain(self, base: str, frame: str) -> tuple[Floats | None, tuple[float, float, float]]:
+    def _chain(self, base: str, frame: str) -> tuple[Floats | None, Floats]:
         """Return a steady transform from base to frame, 4 x 4, and its spread (m, rad, rad)."""
         steps: dict[str, list[tuple[str, Floats, Floats]]] = {}
         for (parent, child), rows in self.edges.items():
-            place = _place(rows)
-            if place is not None:
+            if (place := _place(rows)) is not None:
                 there, spread = place
                 steps.setdefault(parent, []).append((child, there, spread))
                 back = np.linalg.inv(there).astype(np.float64)
@@ -248,10 +247,9 @@ class Frames:
                     reached[next_name] = (matrix @ step, squares + spread**2)
                     queue.append(next_name)
         if frame not in reached:
-            return None, (0.0, 0.0, 0.0)
+            return None, np.zeros(3)
         matrix, squares = reached[frame]
-        along, turn, tilt = np.sqrt(squares).tolist()
-        return matrix, (along, turn, tilt)
+        return matrix, np.sqrt(squares)
 
 
 def _place(rows: PoseRows) -> tuple[Floats, Floats] | None:

@@ -406,7 +406,7 @@ def test_the_power_of_scans_is_fitted_only_where_a_localizer_uses_it(
 ):
     fitted = []
     monkeypatch.setattr(
-        "benchmarks.robots.replaying.with_fitted_power", lambda replay: fitted.append(1) or replay
+        "benchmarks.robots.calibration.with_fitted_power", lambda replay: fitted.append(1) or replay
     )
     assert replay(*KNOWN, "--seeds", "1", *words, "--out", "o") == 0
     assert bool(fitted) is fits
