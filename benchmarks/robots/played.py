@@ -20,9 +20,7 @@ from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
 from deqmcl_gym.logs.trajectory import tolerance_of
-from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import Pose
 from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import OmniMotion, RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of
@@ -183,19 +181,24 @@ def replay_of(
         world.setdefault("start", int(whole.referenced[0]))
     played, ground = REPLAY.changed(world).recording()
     check_inside(played, ground)
-    if start == "reference" and (at := played[0].reference) is not None:
-        _check_free(ground, at, "the reference begins at", "--start=x,y,θ")
+    prior: dict[str, Any] = {}
+    at, where, remedy = played[0].reference, "the reference begins at", "--start=x,y,θ"
+    if start != "reference":
+        prior = {} if start is None else _start_of(start)
+        at = prior["prior.mean"] if prior.keys() == {"prior.mean"} else None
+        where, remedy = "--start is", "a pose where the robot can be"
+    if at is not None and not ground.free(np.array([at]))[0]:
+        raise InputError(
+            f"{where} ({at[0]:g}, {at[1]:g}), but that is no free space on the map: give {remedy}."
+        )
     assumed, origin = _with_noise(world, absolute_assumed(Overrides(asked)), played)
-    if start not in ("reference", None):
-        prior = _start_of(start)
-        if prior.keys() == {"prior.mean"}:
-            at = prior["prior.mean"]
-            _check_free(ground, at, "--start is", "a pose where the robot can be")
-        assumed = prior | assumed
-    said = _reference(
-        whole.segment(world.get("start", 0)), played, world.get("reading.reference_tolerance")
+    rest = whole.segment(world.get("start", 0))
+    return Replay(
+        world=Overrides(world),
+        assumed=Overrides(prior | assumed),
+        noise=origin,
+        reference=_reference(rest, played, world.get("reading.reference_tolerance")),
     )
-    return Replay(world=Overrides(world), assumed=Overrides(assumed), noise=origin, reference=said)
 
 
 def reading_among(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -226,14 +229,6 @@ def _parts(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]
         model = name.startswith(("assumed.motion.", "assumed.scan."))
         parts[part][rest] = float(value) if model and type(value) is int else value
     return parts["world"], parts["assumed"]
-
-
-def _check_free(ground: Map, at: Pose, what: str, remedy: str) -> None:
-    """Refuse a start that is no free space."""
-    if not ground.free(np.array([at]))[0]:
-        raise InputError(
-            f"{what} ({at[0]:g}, {at[1]:g}), but that is no free space on the map: give {remedy}."
-        )
 
 
 def _with_noise(
