@@ -67,17 +67,16 @@ class Played:
 
 def played_before(folder: Path) -> Played:
     """Return what a folder of ``replay`` has played, and its runs."""
-    panel = next(iter(results_in(folder).panels), None)
-    there = None if panel is None else tracked(panel)
-    if panel is None or there is None or there[0].empty:
-        raise InputError(
-            f"{folder} is no folder of deqmcl replay with runs whose log and map are still there: "
-            "give one, or --reference."
-        )
-    runs, floor_plan = there
-    setup = scenario(panel.setting.scenario).changed(panel.setting.world)
-    assert isinstance(setup, LogScenario)
-    return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)
+    for panel in results_in(folder).panels[:1]:
+        if (there := tracked(panel)) is not None and not there[0].empty:
+            runs, floor_plan = there
+            setup = scenario(panel.setting.scenario).changed(panel.setting.world)
+            assert isinstance(setup, LogScenario)
+            return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)
+    raise InputError(
+        f"{folder} is no folder of deqmcl replay with runs whose log and map are still there: give "
+        "one, or --reference."
+    )
 
 
 def played_by_replay(

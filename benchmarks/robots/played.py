@@ -315,10 +315,7 @@ def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
 
 
 def _interpolated_words(log: Log) -> str:
-    """Say how far off every second reference pose is if it is interpolated between its neighbours.
-
-    More than at the records between; "" if there are none.
-    """
+    """Say how far off every second reference pose is if it is interpolated; "" if that is none."""
     at, size = log.posed, metre(log.unit)
     if log.reference is None or at.size < 3:
         return ""

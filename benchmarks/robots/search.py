@@ -252,10 +252,7 @@ def _log_of(world: Overrides) -> Log:
 def _judged(
     runs: Sequence[Finished | None], by: Calibration | None = None
 ) -> tuple[list[dict[str, float]], Calibration]:
-    """Return the scores of runs, those of covariances as published by a calibration, and that.
-
-    None is what fits their own errors together; as believed if none is known.
-    """
+    """Return scores of runs, covariances published by a calibration, fitted if None, and that."""
     tracks = [run.track.on(_log_of(run.trial.world)) if run and run.track else None for run in runs]
     if by is None:
         each = [track.deviations() for track in tracks if track]

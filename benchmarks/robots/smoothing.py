@@ -203,14 +203,12 @@ def _run(replay: Replay, particles: int, rng: np.random.Generator) -> tuple[Sing
 
 
 def _explained(log: Log, floor_plan: Map, poses: Floats) -> Floats:
-    """Share of the returns of each scan within 0.3 m of the map's, median of five scans, (n,).
-
-    A scan without a return, as in a large hall, contradicts nothing: 1.
-    """
+    """Share of the returns of each scan within 0.3 m of the map's, median of five scans, (n,)."""
     expected, seen = log.scanner.ranges(floor_plan, poses.T), np.isfinite(log.ranges)
     with np.errstate(invalid="ignore"):
         near = seen & (np.abs(expected - log.ranges) <= AGREE[1] * metre(log.unit))
     returns = seen.sum(axis=1)
+    # a scan without a return, as in a large hall, contradicts nothing
     shares = np.where(returns > 0, near.sum(axis=1) / np.maximum(returns, 1), 1.0)
     padded = np.pad(shares, _WINDOW // 2, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW)

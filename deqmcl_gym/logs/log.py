@@ -57,19 +57,6 @@ class Scanner(Lidar):
         number("scanner.min_range", self.min_range, low=0, high=self.max_range)
 
     @classmethod
-    def of_lidar(cls, lidar: Lidar) -> "Scanner":
-        """Return the scanner of a simulated robot."""
-        mounts = zip(lidar.mounts, lidar.rows, strict=False)
-        return cls(
-            angles=tuple(lidar.bearings),
-            max_range=float(lidar.max_range),
-            sigma=lidar.sigma,
-            mounting=lidar.mounting,
-            mounts=tuple(replace(mount, beams=rows.stop - rows.start) for mount, rows in mounts),
-            min_range=lidar.min_range,
-        )
-
-    @classmethod
     def of_json(cls, what: str, text: str) -> "Scanner":
         """Return the scanner that :attr:`json` describes; ``what`` names the text in messages."""
         try:
@@ -219,10 +206,19 @@ class Log:
         true poses, (T + 1, 3).
         """
         odometry = dead_reckoned(actions)
-        scanner = lidar if isinstance(lidar, Scanner) else Scanner.of_lidar(lidar)
+        if not isinstance(lidar, Scanner):
+            mounts = zip(lidar.mounts, lidar.rows, strict=False)
+            lidar = Scanner(
+                angles=tuple(lidar.bearings),
+                max_range=float(lidar.max_range),
+                sigma=lidar.sigma,
+                mounting=lidar.mounting,
+                mounts=tuple(replace(each, beams=r.stop - r.start) for each, r in mounts),
+                min_range=lidar.min_range,
+            )
         times = np.round(np.arange(len(odometry)) * step, 9)
         reference = None if truth is None else np.asarray(truth, dtype=np.float64)
-        return cls(scanner, times, odometry, np.asarray(scans), reference, unit, source="episode")
+        return cls(lidar, times, odometry, np.asarray(scans), reference, unit, source="episode")
 
     def __len__(self) -> int:
         """Return the number of records."""

@@ -255,7 +255,6 @@ def referenced(
     covers no record is refused.
 
     Args:
-        log: the records.
         reference: a trajectory, or a TUM file of one, in the map's frame, with the log's clock.
         max_gap: records between two poses get none if these are so far apart, in a straight line
             or by odometry, or farther; None is 2 m.
@@ -266,12 +265,15 @@ def referenced(
     trajectory = reference if isinstance(reference, Trajectory) else read_tum(reference)
     times, poses = trajectory.times, trajectory.poses
     inside = (log.times >= times[0]) & (log.times <= times[-1])
-    exact, own = _stamped(log.times, times)
+    at = np.searchsorted(times, log.times)
+    count = np.searchsorted(times, log.times, side="right") - at
+    turn = np.arange(len(log)) - np.searchsorted(log.times, log.times)  # among those of its time
+    exact, own = count > 0, at + np.minimum(turn, count - 1)
     nearest, off = nearest_in_time(times, log.times)
     close = off <= tolerance_of(log, tolerance)
     then = between(log.times, log.odometry, times[nearest])
     moved = composed(poses[nearest], relative(then, log.odometry))
-    after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
+    after = np.clip(at, 1, max(times.size - 1, 1))
     before = after - 1
     after = np.minimum(after, times.size - 1)
     gone = np.interp(times, log.times, log.driven)
@@ -295,7 +297,7 @@ def referenced(
     missed = relative(poses[first], poses[last]) - whole
     missed[:, 2] = arrays.wrapped(missed[:, 2])
     found = np.full((len(log), 3), np.nan)
-    found[close], found[exact] = moved[close], poses[own]
+    found[close], found[exact] = moved[close], poses[own[exact]]
     found[among] = composed(poses[first], here + share[:, None] * missed)
     done = replace(log, reference=found, interpolated=among & ~close)
     raw_records.warn_of_few(done, trajectory.source)
@@ -322,15 +324,6 @@ def with_own_reference(
     if not len(given):
         return log
     return referenced(log, sound_poses(given, log.source, Counter()), max_gap, tolerance)
-
-
-def _stamped(records: Floats, times: Floats) -> tuple[Bools, Indices]:
-    """Return which records are at one of ``times``, (n,), and the index in those of each such."""
-    first = np.searchsorted(times, records)
-    count = np.searchsorted(times, records, side="right") - first
-    turn = np.arange(records.size) - np.searchsorted(records, records)  # among those of its time
-    exact = count > 0
-    return exact, (first + np.minimum(turn, count - 1))[exact]
 
 
 def _travelled(

@@ -186,7 +186,12 @@ class Frames:
         scanner, remedy = self._known(frame), f"mounting{like('mounting', '[x,y,turn]')}"
         no_place = f"{name} has no static transform from {base} to {frame}"
         chain, spread = self._chain(self._known(base), scanner)
-        if chain is None and (root := self._root(scanner)) != scanner:
+        root = scanner  # the highest frame that it does not move against
+        for edge in self._above(scanner):
+            if edge in self.moving or not self.edges[edge].rows:
+                break
+            root = edge[0]
+        if chain is None and root != scanner:
             tell(
                 f"{no_place}: the scanner's place on {root} is taken; if that is not {base}, seen "
                 f"from above, give {remedy}."
@@ -215,14 +220,6 @@ class Frames:
         turn = math.atan2(chain[1, 0], chain[0, 0])
         x, y = chain[:2, 3].tolist()
         return Mount(x=x, y=y, heading=turn, upside_down=bool(up < 0), beams=beams)
-
-    def _root(self, frame: str) -> str:
-        """Return the highest frame that a frame does not move against."""
-        for edge in self._above(frame):
-            if edge in self.moving or not self.edges[edge].rows:
-                break
-            frame = edge[0]
-        return frame
 
     def _known(self, frame: str) -> str:
         """Return a frame as transforms call it: with a prefix that only they have, or without."""
