@@ -149,11 +149,12 @@ def _first_range(path: Path, columns: list[str]) -> int:
         raise InputError(
             f"{path} has {given} of the columns {', '.join(_REFERENCE)}: give all of them, or none."
         )
-    first = next((i for i, name in enumerate(columns) if name.startswith("range_")), None)
-    ranges = columns[first:] if first is not None else []
-    if not ranges or ranges != [f"range_{beam}" for beam in range(len(ranges))]:
+    first = len(columns) - sum(name.startswith("range_") for name in columns)
+    if not columns[first:] or columns[first:] != [
+        f"range_{i}" for i in range(len(columns) - first)
+    ]:
         raise InputError(f"{path} must end in the columns range_0, range_1, … in this order.")
-    return len(columns) - len(ranges)
+    return first
 
 
 def _log_of(records: RawRecords, words: str | None, unit: str | None, given: Scanner | None) -> Log:

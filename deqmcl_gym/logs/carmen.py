@@ -110,30 +110,26 @@ class _Messages:
             told = math.radians(self._param("laser_front_laser_fov", math.nan))
             if field_of_view is None and _NARROWEST <= told <= 2 * math.pi:
                 field_of_view = told
-            farthest = min(self._param("robot_front_laser_max", SICK_RANGE), SICK_RANGE)
-            farthest = farthest if farthest > 0 else SICK_RANGE
-            records.records = [
-                record._replace(
-                    fan=Fan(*self._angles(len(record.ranges), field_of_view), 0.0, farthest)
-                )
-                for record in records.records
-            ]
             sizes = Counter(len(record.ranges) for record in records.records)
-            if field_of_view is None and (beams := sizes.most_common(1)[0][0]) not in _SICK:
+            fans = {beams: self._fan(beams, field_of_view) for beams in sizes}
+            records.records = [r._replace(fan=fans[len(r.ranges)]) for r in records.records]
+            usual = max(sizes, key=lambda beams: sizes[beams], default=_SICK[0])
+            if field_of_view is None and usual not in _SICK:
                 tell(
-                    f"{records.source}: FLASER lines do not say their angles: {beams} beams are "
+                    f"{records.source}: FLASER lines do not say their angles: {usual} beams are "
                     "taken as those of a SICK LMS, from -90° to 90°; for another lidar give "
                     f"field_of_view in rad{like('field_of_view', 4.712)} for 270°."
                 )
         return records
 
-    def _angles(self, beams: int, field_of_view: float | None) -> tuple[float, float]:
-        """Return the first angle and the increment of FLASER, rad."""
+    def _fan(self, beams: int, field_of_view: float | None) -> Fan:
+        """Return the fan of FLASER."""
         view = math.pi if field_of_view is None else field_of_view
         step = math.radians(self._param("laser_front_laser_resolution", math.nan))
         if field_of_view is None or not (step > 0 and abs(step * beams - view) < 2 * step):
             step = view / max(beams - beams % 2, 1)
-        return -view / 2, step
+        farthest = min(self._param("robot_front_laser_max", SICK_RANGE), SICK_RANGE)
+        return Fan(-view / 2, step, 0.0, farthest if farthest > 0 else SICK_RANGE)
 
     def scanner(self, beams: int, kind: str, fan: Fan | None) -> Scanner:
         """Return the scanner of a kind of message with the usual angles and limits."""
@@ -165,8 +161,7 @@ class _Messages:
             return [math.nan] * 3
         off = offsets - offsets[0]
         off[:, 2] = arrays.wrapped(off[:, 2])  # a turn of π may also read -π
-        middle: list[float] = (np.round(offsets[0] + np.median(off, axis=0), 3) + 0.0).tolist()
-        return middle
+        return list((np.round(offsets[0] + np.median(off, axis=0), 3) + 0.0).tolist())
 
     def _param(self, name: str, default: float) -> float:
         try:
