@@ -218,8 +218,8 @@ def _parts(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]
     """Return what is set of the world, and of what localizers assume."""
     parts: dict[str, dict[str, Any]] = {part: {} for part in _PARTS}
     for name, value in settings.items():
-        part, dot, rest = name.partition(".")
-        if not (dot and rest) or part not in parts:
+        part, _, rest = name.partition(".")
+        if not rest or part not in parts:
             one_of("name of a setting on a log", name, [f"{part}.…" for part in _PARTS])
         if name.startswith("world.reading.scanner"):
             raise InputError(
@@ -258,10 +258,10 @@ def _with_noise(
 
 def length_and_angle(option: str, text: str) -> tuple[float, float]:
     """Return metres and rad of "0.5m,15deg"."""
-    length, angle = spacing(option, text, "m")
-    if not (math.isfinite(length) and math.isfinite(angle)):
+    both = spacing(option, text, "m")
+    if not all(map(math.isfinite, both)):
         raise InputError(f'{option} is {text!r}, but must have both, as in "0.5m,15deg".')
-    return length, angle
+    return both
 
 
 def _start_of(start: str | Sequence[float]) -> dict[str, Any]:

@@ -162,8 +162,8 @@ def gated(sweep: Sweep, every: str | None) -> list[str]:
     waits = [method.params.keys() for method in sweep.localizers if method.name == "amcl"]
     if every is None or not waits or {"update_min_d", "update_min_a"} & waits[0]:
         return []
-    least, asked = spacing("every", OFTEN, "m"), spacing("--every", every, "m")
-    if asked[0] <= least[0] and asked[1] <= least[1]:
+    apart = zip(spacing("--every", every, "m"), spacing("every", OFTEN, "m"), strict=True)
+    if all(asked <= often for asked, often in apart):
         return []
     return [
         "amcl updates when the robot has moved 0.25 m or turned 0.2 rad, as Nav2's does, but only "

@@ -357,11 +357,10 @@ class Search:
     ) -> None:
         """Set the scores of candidates on segments; refuse a default that has none."""
         each = self._runs([candidate.values for candidate in candidates], segments, runs)
+        goal = self.task.goal.name
         for candidate, records in zip(candidates, each, strict=True):
-            rows = [*map(_scores, records)]
-            if self.task.goal.name in PUBLISHED:
-                rows, _ = _judged(records)
-            values = [row.get(self.task.goal.name, math.nan) for row in rows]
+            rows = _judged(records)[0] if goal in PUBLISHED else map(_scores, records)
+            values = [row.get(goal, math.nan) for row in rows]
             candidate.segments = len(segments)
             candidate.value = math.inf if np.isnan(values).any() else float(np.mean(values))
             candidate.ms_per_step = milliseconds_per_step([*filter(None, records)])
