@@ -5,13 +5,13 @@ Transforms between the frames of a robot give the scanner's mounting and, if nee
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.files import names_of
 from deqmcl_gym.logs.bags import SCAN, TRANSFORMS, Bag, opened_bag, warn_of_frames
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
@@ -80,7 +80,9 @@ def read_bag(
         if reference_topic is not None:
             bag.topic(tuple(POSE_TYPES), "reference_topic", reference_topic)  # or it is refused
         of_topic = odometry if odometry_frame is None else None
-        messages = _Messages(names_of(paths), scans, of_topic, reference_topic)
+        names = {topic: bag.name if len(scans) == 1 else f"{bag.name} {topic}" for topic in scans}
+        scanned = {topic: RawRecords(name) for topic, name in names.items()}
+        messages = _Messages(bag.name, scanned, of_topic, reference_topic)
         messages.read(bag)
     warn_of_frames(messages.name, reference_topic, messages.truth.frames)
     base, moved = messages.moved_by(base_frame, odometry_frame, odometry_publisher)
@@ -102,21 +104,19 @@ def _scan_topics(given: str | Sequence[str] | None) -> Sequence[str | None]:
     return given
 
 
+@dataclass
 class _Messages:
     """The messages of a bag that a log is made of."""
 
-    def __init__(
-        self, name: str, scans: Sequence[str], odometry: str | None, reference: str | None
-    ) -> None:
-        self.name, self.odometry, self.reference = name, odometry, reference
-        self.scanned = {
-            topic: RawRecords(name if len(scans) == 1 else f"{name} {topic}") for topic in scans
-        }
-        self.transforms = Transforms()
-        self.unit = "m"
-        self.moved: dict[str, PoseRows] = {}  # by frame
-        self.truth = PoseRows()
-        self.mended = 0  # scans whose increment is of no use
+    name: str
+    scanned: dict[str, RawRecords]  # by topic
+    odometry: str | None  # topics
+    reference: str | None
+    moved: dict[str, PoseRows] = field(default_factory=dict)  # by frame
+    truth: PoseRows = field(default_factory=PoseRows)
+    transforms: Transforms = field(default_factory=Transforms)
+    unit: str = "m"
+    mended: int = 0  # scans whose increment is of no use
 
     def read(self, bag: Bag) -> None:
         """Read all messages needed; count those that cannot be decoded; refuse unstamped scans."""
