@@ -70,10 +70,8 @@ class Smoothed:
     def objection(self) -> str:
         """Why the poses should not serve as a reference, in words; "" if nothing speaks against."""
         share, size = float(self.doubtful.mean()), metre(self.log.unit)
-        way, driven = (
-            float(lengths_of(increments_of(poses)).sum()) / size
-            for poses in (self.poses, self.log.odometry)
-        )
+        way = lengths_of(increments_of(self.poses)).sum() / size
+        driven = self.log.driven[-1] / size
         if self.elsewhere >= len(self.runs):
             return f"{self.elsewhere} of {self.elsewhere + len(self.runs)} runs ended elsewhere"
         if not 1 / _LONGER < (way + _SLACK) / (driven + _SLACK) < _LONGER:
