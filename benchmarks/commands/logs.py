@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -101,17 +102,14 @@ def replay_command(options: argparse.Namespace) -> str:
     how = Options(where=Where(jobs=options.jobs, timeout=options.timeout))
     mcap = mcap_of(options)
     limits_of(options.fail_if)  # refused before anything is read
+    names = ("reference", "start", "particles", "seeds", "seed")
     plan = planned(
         options.log,
         options.map,
         localizers_named(options.localizers),
-        reference=options.reference,
-        start=options.start,
         settings=_settings(options),
-        particles=options.particles,
-        seeds=options.seeds,
-        seed=options.seed,
         nav2=_amcl(options),
+        **{name: getattr(options, name) for name in names},
     )
     limits_of(options.fail_if, [method.shown for method in plan.sweep.localizers])
     if options.dry_run:
@@ -143,11 +141,9 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
     from deqmcl_gym.validation import InputError
 
     values = documents.settings(options.set)
-    if options.every is None:
-        return values
-    if "world.every" in values:
+    if options.every is not None and "world.every" in values:
         raise InputError("--every is given, and world.every set: give one of them.")
-    return values | {"world.every": options.every}
+    return values if options.every is None else values | {"world.every": options.every}
 
 
 @command(
@@ -178,17 +174,16 @@ def score_command(options: argparse.Namespace) -> str:
     from deqmcl_gym.validation import InputError
 
     beside, log, reference = options.beside, options.log, options.reference
-    of_log = {"--map": options.map, "--every": options.every, "--set": options.set or None}
-    of_replay = {**of_log, "--log": log, "--reference": reference}
-    alone = [name for name, value in of_log.items() if value is not None]
-    if beside is not None and (extra := [name for name, value in of_replay.items() if value]):
+    names = ("map", "every", "set", "log", "reference")
+    given = [f"--{name}" for name in names if getattr(options, name)]
+    if beside is not None and given:
         raise InputError(
-            f"{extra[0]} is given with --beside, whose folder says what was played: leave one of "
+            f"{given[0]} is given with --beside, whose folder says what was played: leave one of "
             "them out."
         )
-    if beside is None and log is None and alone:
-        raise InputError(f"{alone[0]} is given without --log: name the log that it is about.")
-    if beside is None and log is None and reference is None:
+    if log is None and given and given[0] != "--reference":
+        raise InputError(f"{given[0]} is given without --log: name the log that it is about.")
+    if beside is None and not given:
         raise InputError("there is nothing to score by: give --reference, --log or --beside.")
     limits_of(options.fail_if)  # refused before anything is read
     with doing("reading the estimates and what they are scored by"), log_warnings() as warnings:
@@ -226,15 +221,8 @@ def smooth_command(options: argparse.Namespace) -> str:
     """
     from benchmarks.robots.smoothing import smooth
 
-    smoothed = smooth(
-        options.log,
-        options.map,
-        start=options.start,
-        settings=_settings(options),
-        particles=options.particles,
-        seeds=options.seeds,
-        seed=options.seed,
-    )
+    how = {name: getattr(options, name) for name in ("start", "particles", "seeds", "seed")}
+    smoothed = smooth(options.log, options.map, settings=_settings(options), **how)
     files = ", ".join(path.name for path in smoothed.write(options.out))
     return f"{smoothed}\n\nWritten to {options.out}: {files}."
 
@@ -282,10 +270,9 @@ def tune_command(options: argparse.Namespace) -> str:
     from benchmarks.sweeps.running import Options
     from deqmcl_gym.validation import InputError, integer, number, one_of
 
-    named = localizers_named(options.localizer)
-    if len(named) != 1:
+    name, *others = localizers_named(options.localizer) or ("", "")
+    if others:
         raise InputError(f"--localizer is {options.localizer!r}, but must name one localizer.")
-    (name,) = named
     one_of("score", options.score, GOALS)
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
@@ -295,20 +282,20 @@ def tune_command(options: argparse.Namespace) -> str:
     if len(options.nav2) > 1:
         raise InputError("--nav2 is given twice, but there is one default to beat: give one.")
     nav2 = next(iter(_amcl(options)), None)
-    where = Where(jobs=options.jobs, timeout=options.timeout)
     task = _task(options, name, nav2)
     with doing("checking the segments and the ends of all ranges"):
         task.check()
+    where = Where(jobs=options.jobs, timeout=options.timeout)
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     tuning = search(task, options.out, how, options.candidates)
-    nav2_file = options.nav2[0] if options.nav2 else None
+    nav2_file = next(iter(options.nav2), None)
     return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
     """Return what is searched for, of the options."""
     from benchmarks.robots.nav2 import usual_params
-    from benchmarks.robots.played import length_and_angle, params_among
+    from benchmarks.robots.played import length_and_angle, values_among
     from benchmarks.robots.search import Task, cut
     from benchmarks.robots.space import space_of
     from benchmarks.setup.overrides import Overrides
@@ -321,7 +308,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     length = number("--segment", options.segment, low=0, above=True)
     gap = number("--gap", options.gap, low=0)
     sd = length_and_angle("--start-sd", options.start_sd)
-    own = params_by_localizer(params_among(_settings(options)), [name])[name]
+    own = params_by_localizer(values_among(_settings(options)), [name])[name]
     replays = _replays(options, name, nav2)
     noise = [n for n in vars(replays[0].motion) if n != "still"]
     base = Overrides({} if nav2 is None else nav2.params) | own
@@ -356,8 +343,13 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     for log, file in zip(options.logs, files, strict=True):
         if files.count(file) > 1:
             raise InputError(f"{log} is given twice: give each log once.")
-    maps = _each("--map", options.map, options.logs)
-    references = _each("--reference", options.reference or [None], options.logs)
+    references = options.reference or [None]
+    for flag, given in {"--map": options.map, "--reference": references}.items():
+        if len(given) not in (1, len(files)):
+            raise InputError(
+                f"{flag} is given {len(given)} times for {len(files)} logs: give it once, or once "
+                "for each log, in their order."
+            )
     usual: dict[str, Any] = {}
     if name == "amcl":
         usual = {"world.every": "0.05m,3deg", "world.max_beams": 180}
@@ -365,7 +357,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
         usual |= nav2.assumed | nav2.bounds
     settings = usual | _settings(options)
     with doing("reading the logs and the maps"), log_warnings() as warnings:
-        each = zip(options.logs, maps, references, strict=True)
+        each = zip(options.logs, cycle(options.map), cycle(references), strict=False)
         replays = [
             replay_of(log, floor_plan, reference=reference, otherwise="global", settings=settings)
             for log, floor_plan, reference in each
@@ -380,17 +372,3 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     if {replay.log.unit for replay in replays} != {"m"}:
         raise InputError("a log is in px, but tune takes logs in m: give another one.")
     return replays if name == "amcl" else [with_fitted_power(replay) for replay in replays]
-
-
-def _each(flag: str, given: list[Any], logs: list[str]) -> list[Any]:
-    """Return one for each log."""
-    from deqmcl_gym.validation import InputError
-
-    if len(given) == 1:
-        return given * len(logs)
-    if len(given) != len(logs):
-        raise InputError(
-            f"{flag} is given {len(given)} times for {len(logs)} logs: give it once, or once for "
-            "each log, in their order."
-        )
-    return given

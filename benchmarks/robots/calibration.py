@@ -10,9 +10,10 @@ a cell per m.
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from deqmcl_gym.logs import Log, LogWarning, Scanner, read_tum
 from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import Floats, Indices, arrays
+from deqmcl_gym.numerics import Floats, arrays
 from localizers import Calibration
 
 PART = 0.3  # of the records, the first ones: fitted on; the rest judges
@@ -51,37 +52,39 @@ def with_fitted_power(replay: Replay) -> Replay:
     """
     if "scan.power" in replay.assumed:
         return replay
-    judged = first_judged(replay.log)
+    log, judged = replay.log, first_judged(replay.log)
     if judged is None:
         words = (
             f"The power is 1: not fitted, which needs {_NEEDED}; a smaller --every gives more. Nor "
             "are covariances calibrated: coverage, NEES and log score are of what is believed."
         )
         return replace(replay, power=words)
-    count = min(judged - int(replay.log.referenced[0]), _MOST)
+    first, whole = log.referenced[0], replay.scenario.whole
+    same = (whole.times == log.times[first]) & (whole.odometry == log.odometry[first]).all(axis=1)
+    count = min(judged - int(first), _MOST)
     assumed = {name: v for name, v in replay.assumed.items() if not name.startswith("prior.")}
     world = {name: v for name, v in replay.world.items() if name != "judged"}
-    world["start"] = _first(replay)
-    begun = replace(replay, assumed=Overrides(assumed), world=Overrides(world))
+    world["start"] = int(np.flatnonzero(same)[0])
     with doing("fitting the power of the scan model to the first part of the log"):
-        tried = {power: _followed(begun, power, count) for power in _POWERS}
+        tried = {
+            power: _followed(world, Overrides(assumed | {"scan.power": power}), count)
+            for power in _POWERS
+        }
     scores = {power: score for power, (score, off) in tried.items() if off <= _NEAR}
     if not scores:
-        return replace(
-            replay,
-            power=f"With no power of a scan's likelihood from {min(_POWERS)} to 1 does mcl "
+        words = (
+            f"With no power of a scan's likelihood from {min(_POWERS)} to 1 does mcl "
             f"follow the robot in the first {count:,} records, so none is fitted and 1 is kept: "
-            "errors and regions of methods that use it say little. Check map, mounting and start.",
+            "errors and regions of methods that use it say little. Check map, mounting and start."
         )
+        return replace(replay, power=words)
     power = min(scores, key=lambda tried: scores[tried])
-    off = tried[power][1]
-    return replace(
-        replay,
-        assumed=replay.assumed | {"scan.power": power},
-        power=f"The likelihood of a scan is raised to the power {power:g}, the best of "
-        f"{len(_POWERS)} by the log score of what mcl publishes in the first {count:,} records, "
-        f"calibrated; with it, 95 % of its errors there are below {off:.2f} m.",
+    words = (
+        f"The likelihood of a scan is raised to the power {power:g}, the best of {len(_POWERS)} by "
+        f"the log score of what mcl publishes in the first {count:,} records, calibrated; with it, "
+        f"95 % of its errors there are below {tried[power][1]:.2f} m."
     )
+    return replace(replay, assumed=replay.assumed | {"scan.power": power}, power=words)
 
 
 def judged_after_part(replay: Replay) -> Replay:
@@ -99,20 +102,12 @@ def first_judged(log: Log) -> int | None:
     return judged if np.count_nonzero(log.referenced < judged) >= _ENOUGH else None
 
 
-def _first(replay: Replay) -> int:
-    """Return which record of the whole log is the first that is played with a reference."""
-    whole, log = replay.scenario.whole, replay.log
-    at = log.referenced[0]
-    same = (whole.times == log.times[at]) & (whole.odometry == log.odometry[at]).all(axis=1)
-    return int(np.flatnonzero(same)[0])
-
-
-def _followed(replay: Replay, power: float, count: int) -> tuple[float, float]:
+def _followed(world: Mapping[str, Any], assumed: Overrides, count: int) -> tuple[float, float]:
     """Return the log score of what is published, and the 95 % quantile of position errors, m."""
     trial = Trial(
         scenario=REPLAY_SCENARIO,
-        world=replay.world,
-        assumed=replay.assumed | {"scan.power": power},
+        world=Overrides(world),
+        assumed=assumed,
         localizer="mcl",
         params=Overrides({"particles": _PARTICLES}),
         lag=0,
@@ -124,10 +119,11 @@ def _followed(replay: Replay, power: float, count: int) -> tuple[float, float]:
     assert isinstance(tracked, TrackLog)
     for step in islice(stage.moments(), count):
         tracked.see(step)
-    off, spread = tracked.track.deviations()
+    track = tracked.track
+    off, spread = track.deviations()
     published = Calibration.fitted(off, spread).published(spread)
-    score = float(calibration_of_gaussians(off, published, replay.log.unit)[:, 2].mean())
-    return score, float(np.quantile(tracked.track.errors.translation, 0.95))
+    score = calibration_of_gaussians(off, published, track.log.unit)[:, 2].mean()
+    return float(score), float(np.quantile(track.errors.translation, 0.95))
 
 
 FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
@@ -149,7 +145,7 @@ def doubts_of(played: LogScenario) -> list[str]:
         return []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # told when it was read
-        stamps, poses = whole.times[own_records(whole)], whole.reference[own_records(whole)]
+        stamps, poses = whole.times[whole.posed], whole.reference[whole.posed]
         if (file := played.env.get("reference")) is not None:
             stamps, poses = (read := read_tum(located(file))).times, read.poses
     if late := late_words("the reference", whole.times, whole.odometry, stamps, poses):
@@ -172,10 +168,8 @@ def late_words(
     first, last, turns = (a[inside] for a in (first, last, np.diff(poses[:, 2])))
 
     def off(offset: Floats) -> Floats:
-        turned = np.interp(last - offset, times, headings) - np.interp(
-            first - offset, times, headings
-        )
-        return arrays.wrapped(turns - turned)
+        before, after = (np.interp(at - offset, times, headings) for at in (first, last))
+        return arrays.wrapped(turns - (after - before))
 
     starts = [np.array([offset]) for offset in sorted(np.arange(-_LATEST, _LATEST, 0.1), key=abs)]
     (late,), (sd,) = _least(turns.size, [off], starts, [0.1])
@@ -248,25 +242,21 @@ def _mounting_words(log: Log, floor_plan: Map) -> str | None:
 
 def _wheels_words(log: Log) -> str | None:
     """Say how the odometry is off by the reference, in distance and turns; None if it hardly is."""
-    size, at = metre(log.unit), own_records(log)
-    if at.size < _LEAST:
+    size = metre(log.unit)
+    if log.posed.size < _LEAST:
         return None
-    own = log.of_records(at).spaced(_APART * size, _APART)
+    own = log.of_records(log.posed).spaced(_APART * size, _APART)
     assert own.reference is not None
     told, true = increments_of(own.odometry), increments_of(own.reference)
     near = lengths_of(told) < 4 * _APART * size
     (length, turn), (farther, turned) = (
         (lengths_of(each[near]) / size, each[near, 2]) for each in (told, true)
     )
-    (ahead, more, aside), sd = _least(
-        turn.size,
-        [
-            lambda off: farther - (1 + off[0]) * length,
-            lambda off: arrays.wrapped(turned - (1 + off[1]) * turn - off[2] * length),
-        ],
-        [np.zeros(3)],
-        [0.02, 0.02, 0.02],
-    )
+    off: list[_Off] = [
+        lambda by: farther - (1 + by[0]) * length,
+        lambda by: arrays.wrapped(turned - (1 + by[1]) * turn - by[2] * length),
+    ]
+    (ahead, more, aside), sd = _least(turn.size, off, [np.zeros(3)], [0.02, 0.02, 0.02])
     if not (np.abs([ahead, more, aside]) - _SURE * sd > _CELL / 2).any():
         return None
     return (
@@ -277,12 +267,6 @@ def _wheels_words(log: Log) -> str | None:
         "separation of the wheels in the driver. The motion noise that is fitted to the log "
         "includes it."
     )
-
-
-def own_records(log: Log) -> Indices:
-    """Return the records with a reference pose of their own time."""
-    at = log.referenced
-    return at if log.interpolated is None else at[~log.interpolated[at]]
 
 
 def _least(
@@ -303,13 +287,8 @@ def _least(
 
     best = min(starts, key=lambda start: cost(start).sum())
     while (sizes > np.diag(steps) / 64).any():
-        best, before = (
-            min(
-                (best, *(best + sign * step for step in sizes for sign in (1, -1))),
-                key=lambda at: cost(at).sum(),
-            ),
-            best,
-        )
+        around = (best + sign * step for step in sizes for sign in (1, -1))
+        before, best = best, min((best, *around), key=lambda at: cost(at).sum())
         sizes = sizes / 2 if best is before else sizes
     bends = [
         (slopes(best + step) - slopes(best - step)).sum(axis=1) * 2 for step in np.diag(steps) / 4

@@ -4,7 +4,6 @@ With a log an estimate is scored at its records: there it is the stack's last po
 the odometry since, as the stack would have said. Without a log it is scored at its own times.
 """
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ import pandas as pd
 from benchmarks.files import own_folder, write_files
 from benchmarks.report.runs import run_of_track, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, published, tables_of, tracked
-from benchmarks.robots.calibration import first_judged, late_words, own_records
+from benchmarks.robots.calibration import first_judged, late_words
 from benchmarks.robots.played import EVERY, NO_ERROR
 from benchmarks.setup.logs import REPLAY, LogScenario, check_inside
 from benchmarks.setup.names import scenario
@@ -33,11 +32,10 @@ from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
 from deqmcl_gym.logs.motion import between, composed, relative
 from deqmcl_gym.logs.trajectory import read_estimate
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics import Floats, Indices
 from deqmcl_gym.validation import InputError
 
+_ENDINGS = r"\.(tum|csv|txt|bag|mcap|db3)$"
 _ALL = 0.99  # share of the records that an estimate need not cover without being told
-_BLIND = Scanner(angles=(0.0,), max_range=1.0)
 
 
 @dataclass(frozen=True)
@@ -64,22 +62,21 @@ class Played:
         then = between(self.whole.times, self.whole.odometry, times[at])
         best = composed(estimate.poses[at], relative(then, log.odometry))
         best[~inside] = np.nan
-        return EstimatedTrack(log, best, _spread(estimate, at))
+        return EstimatedTrack(log, best, estimate.spread_at(at))
 
 
 def played_before(folder: Path) -> Played:
     """Return what a folder of ``replay`` has played, and its runs."""
-    panel = next(iter(results_in(folder).panels), None)
-    there = None if panel is None else tracked(panel)
-    if panel is None or there is None or there[0].empty:
-        raise InputError(
-            f"{folder} is no folder of deqmcl replay with runs whose log and map are still there: "
-            "give one, or --reference."
-        )
-    runs, floor_plan = there
-    setup = scenario(panel.setting.scenario).changed(panel.setting.world)
-    assert isinstance(setup, LogScenario)
-    return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)
+    for panel in results_in(folder).panels[:1]:
+        if (there := tracked(panel)) is not None and not there[0].empty:
+            runs, floor_plan = there
+            setup = scenario(panel.setting.scenario).changed(panel.setting.world)
+            assert isinstance(setup, LogScenario)
+            return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)
+    raise InputError(
+        f"{folder} is no folder of deqmcl replay with runs whose log and map are still there: give "
+        "one, or --reference."
+    )
 
 
 def played_by_replay(
@@ -103,14 +100,13 @@ def played_by_replay(
 
 def at_own_times(estimate: Trajectory, reference: Trajectory) -> EstimatedTrack:
     """Return an estimate at its times with a reference, its odometry there."""
-    n = estimate.times.size
-    nothing = np.full((n, 1), math.inf)
-    still = Log(_BLIND, estimate.times, np.zeros((n, 3)), nothing, source=estimate.source)
-    known = referenced(still, reference)
+    times, n = estimate.times, estimate.times.size
+    blind = Scanner(angles=(0.0,), max_range=1.0), times, np.zeros((n, 3)), np.full((n, 1), np.inf)
+    known = referenced(Log(*blind, source=estimate.source), reference)
     at, poses = known.referenced, known.reference
     assert poses is not None
     log = replace(known.of_records(at), odometry=poses[at])
-    return EstimatedTrack(log, estimate.poses[at], _spread(estimate, at))
+    return EstimatedTrack(log, estimate.poses[at], estimate.spread_at(at))
 
 
 def runs_of(label: str, estimate: Trajectory, by: Played | Trajectory) -> pd.DataFrame:
@@ -131,18 +127,20 @@ def runs_of(label: str, estimate: Trajectory, by: Played | Trajectory) -> pd.Dat
     return pd.concat(run_of_track(name, track, track_scores(run)) for name, run in scored.items())
 
 
-def _spread(estimate: Trajectory, at: Indices) -> Floats | None:
-    """Return the covariances of the poses that the records have, NaN unknown; None: of none."""
-    return None if estimate.covariances is None else estimate.covariances[at]
-
-
 def estimates_of(words: Sequence[str]) -> dict[str, Trajectory]:
-    """Return estimates ``[NAME=]FILE[:TOPIC]`` by name."""
+    """Return estimates ``[NAME=]FILE[:TOPIC]`` by name; a file of that name comes first."""
     estimates: dict[str, Trajectory] = {}
-    for label, path, topic in map(_named, words):
+    for word in words:
+        label, equals, rest = word.partition("=")
+        if Path(word).exists() or not equals or "/" in label:
+            label, rest = "", word
+        path, colon, topic = rest.rpartition(":/")
+        if Path(rest).exists() or not colon:
+            path, topic = rest, ""
+        label = label.strip() or topic or re.sub(_ENDINGS, "", Path(path).name)
         if label in estimates:
             raise InputError(f"two estimates are called {label}: write NAME=FILE for one of them.")
-        estimates[label] = read_estimate(path, topic)
+        estimates[label] = read_estimate(path, f"/{topic}" if topic else None)
     return estimates
 
 
@@ -150,65 +148,53 @@ def score(
     by: Played | Trajectory, estimates: Mapping[str, Trajectory], out: Path
 ) -> tuple[list[str], str, pd.DataFrame]:
     """Score estimates, write results.csv and trials.csv; return warnings, words, the former."""
-    ours = by.runs if isinstance(by, Played) else None
+    ours = [by.runs] if isinstance(by, Played) and by.runs is not None else []
     for label in estimates:
-        if ours is not None and label in set(ours["label"]):
+        if any(label in set(before["label"]) for before in ours):
             raise InputError(f"{label} is a localizer of the replay: write NAME=FILE for yours.")
     theirs = pd.concat(runs_of(label, estimate, by) for label, estimate in estimates.items())
-    plain = theirs["label"].isin(estimates)
-    runs = theirs if ours is None else pd.concat([ours, theirs])
+    runs = pd.concat([*ours, theirs])
     table = tracks_table(runs, None)
     contents = {
         "results.csv": utf8(csv_of(table)),
         "trials.csv": utf8(csv_of(tracks_trials(runs))),
     }
     files = write_files(own_folder(out, "results.csv"), contents)
+    plain = theirs[theirs["label"].isin(estimates)]
     covered = {
         label: np.isfinite(track.best[:, 0])
-        for label, track in theirs.loc[plain, ["label", "track"]].to_numpy()
+        for label, track in plain[["label", "track"]].to_numpy()
     }
+    warnings: list[str | None] = [
+        f"{label} covers {poses.sum():,} of the {poses.size:,} records, {percent(poses.mean())}: "
+        "at the others it is not localized; errors are those of the records that it covers."
+        for label, poses in covered.items()
+        if poses.sum() < _ALL * poses.size
+    ]
     if isinstance(by, Played):
+        clock, own = (by.whole.times, by.whole.odometry), by.whole.posed
+        if by.whole.reference is not None:
+            true = by.whole.times[own], by.whole.reference[own]
+            warnings.append(late_words("the reference", *clock, *true))
         how = (
             f"Scored at {len(by.log):,} records of {Path(by.log.source).name}: the last pose of "
             "the estimate, carried on by the odometry since."
         )
         how += "" if by.log.referenced.size else f" {NO_ERROR}"
     else:
+        clock = by.times, by.poses
         counts = ", ".join(f"{label} {len(poses):,}" for label, poses in covered.items())
         how = (
             f"Scored at the estimates' own times: {counts} poses within the reference, which is "
             "interpolated in straight lines; give --log to follow the odometry. Metres are those "
             "of the reference."
         )
-    uncovered = [
-        f"{label} covers {poses.sum():,} of the {poses.size:,} records, {percent(poses.mean())}: "
-        "at the others it is not localized; errors are those of the records that it covers."
-        for label, poses in covered.items()
-        if poses.sum() < _ALL * poses.size
-    ]
-    clock = (by.whole.times, by.whole.odometry) if isinstance(by, Played) else (by.times, by.poses)
-    late = []
-    if isinstance(by, Played) and (true := by.whole.reference) is not None:
-        own = own_records(by.whole)
-        late = [late_words("the reference", *clock, by.whole.times[own], true[own])]
-    late += [late_words(label, *clock, one.times, one.poses) for label, one in estimates.items()]
+    warnings += [late_words(n, *clock, one.times, one.poses) for n, one in estimates.items()]
     texts = [
-        *accuracy(theirs[plain] if ours is None else pd.concat([ours, theirs[plain]])),
+        *accuracy(pd.concat([*ours, plain])),
         *(table.text() for table in tables_of(runs)),
         how,
         *published(runs),
+        f"Written to {out}: {', '.join(path.name for path in files)}.",
     ]
-    texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
-    return [*uncovered, *filter(None, late)], "\n\n".join(texts), table
-
-
-def _named(word: str) -> tuple[str, str, str | None]:
-    """Return label, path and topic of ``[NAME=]FILE[:TOPIC]``; a file of that name comes first."""
-    label, equals, rest = word.partition("=")
-    if Path(word).exists() or not equals or "/" in label:
-        label, rest = "", word
-    path, colon, topic = rest.rpartition(":/")
-    if Path(rest).exists() or not colon:
-        path, topic = rest, ""
-    stem = re.sub(r"\.(tum|csv|txt|bag|mcap|db3)$", "", Path(path).name)
-    return label.strip() or topic or stem, path, f"/{topic}" if topic else None
+    return [*filter(None, warnings)], "\n\n".join(texts), table

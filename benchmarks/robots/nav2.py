@@ -130,15 +130,17 @@ class Amcl:
 def read_nav2(path: Path, node: str | None = None) -> Amcl:
     """Read a Nav2 file's parameters of a node, as "/robot1/amcl"; None is the only amcl in it."""
     _, nodes, twice = _nodes_of(path)
-    name = _node_named("amcl", nodes, path, node)
-    patterns = _fitting(name, nodes)
-    given = {n: value for pattern in patterns for n, value in nodes[pattern].items()}
+    name = _node_named(nodes, path, node)
+    given = {n: v for pattern in _fitting(name, nodes) for n, v in nodes[pattern].items()}
     later = [n for n, value in nodes.get(name, {}).items() if given[n] != value]
     noted = {"given twice, where rcl joins tables and takes the later value": twice}
     noted |= {f"overridden by a wildcard that stands after {name}, as in rclcpp": later}
+    room = PolygonMap(((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)), unit="m")
     try:
         file = _amcl(path, f"{path}, node {name}", given, noted)
-        _check(file)
+        lidar = Lidar(max_range=file.reading.get("max_range", 100.0))
+        robot = RobotModel(floor_plan=room, lidar=lidar, motion=file.motion)
+        make("amcl", robot, **file.params, field_cell=0.1)  # looks at them, in any room
         return file
     except InputError as error:
         raise InputError(f"{path}, node {name}: {error}") from None
@@ -166,13 +168,12 @@ def nav2_document(
     if path is None:
         return {"amcl": {"ros__parameters": told}}
     document, nodes, _ = _nodes_of(path)
-    name = _node_named("amcl", nodes, path, node)
+    name = _node_named(nodes, path, node)
     if _fitting(name, nodes)[-1] != name:  # what stands last is not overridden
         held = {at: key for key in document for at, _ in _tables({key: document[key]})}
         inner = document.pop(key := held.get(name, name), {})
-        document[key] = inner if name in held else {**inner, "ros__parameters": {}}
-    own = dict(_tables(document))[name]
-    own |= told
+        document[key] = inner if name in held else {**inner, _OWN: {}}
+    dict(_tables(document))[name].update(told)
     return document
 
 
@@ -238,14 +239,6 @@ def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
     return read
 
 
-def _check(file: Amcl) -> None:
-    """Let ``amcl`` look at its parameters, in any room."""
-    room = PolygonMap(((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)), unit="m")
-    lidar = Lidar(max_range=file.reading.get("max_range", 100.0))
-    robot = RobotModel(floor_plan=room, lidar=lidar, motion=file.motion)
-    make("amcl", robot, **file.params, field_cell=0.1)
-
-
 def _nodes_of(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:
     """Return a file's tables, its parameters by node and dotted name, and keys given twice."""
     twice: list[str] = []
@@ -274,37 +267,33 @@ def _tables(document: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, di
 
 def _fitting(name: str, patterns: Iterable[str]) -> list[str]:
     """Return the names and wildcards that fit a node, in order."""
-
-    def fits(pattern: str) -> bool:
-        some = re.escape(pattern).replace(r"/\*\*", "(/[^/]+)*").replace(r"/\*", "/[^/]+")
-        return re.fullmatch(some, name) is not None
-
-    return [*filter(fits, patterns)]
+    some = {
+        p: re.escape(p).replace(r"/\*\*", "(/[^/]+)*").replace(r"/\*", "/[^/]+") for p in patterns
+    }
+    return [pattern for pattern, names in some.items() if re.fullmatch(names, name)]
 
 
-def _node_named(last: str, nodes: _Nodes, path: Path, asked: str | None) -> str:
-    """Return the node asked for, or the only one of this name, or that which most wildcards fit."""
-    found = [name for name in nodes if name.endswith(f"/{last}") and "*" not in name]
+def _node_named(nodes: _Nodes, path: Path, asked: str | None) -> str:
+    """Return the node asked for, or the only amcl, or the shortest that most wildcards fit."""
+    own = [name for name in nodes if name.endswith("/amcl") and "*" not in name]
     if asked is not None:
         name = f"/{asked.strip('/')}"
-        likely = name.endswith(f"/{last}") or not found  # a typing error would fit "/**", too
+        likely = name.endswith("/amcl") or not own  # a typing error would fit "/**", too
         return name if likely and _fitting(name, nodes) else one_of(f"node of {path}", name, nodes)
-    if not found:
-        most = {name: len(_fitting(name, nodes)) for p in nodes for name in _shortest(p, last)}
-        found = [name for name, count in most.items() if count == max(most.values())]
-    if len(found) == 1:
-        return found[0]
+    if not own:
+        most: dict[str, int] = {}
+        for pattern in nodes:
+            at = pattern.replace("/**", "")
+            names = at, f"{at.removesuffix('/*')}/amcl"
+            shortest = [n for n in names if n.endswith("/amcl") and _fitting(n, [pattern])][:1]
+            most |= {name: len(_fitting(name, nodes)) for name in shortest}
+        own = [name for name, count in most.items() if count == max(most.values())]
+    if len(own) == 1:
+        return own[0]
     there = ", ".join(nodes) or "none at all: is it of ROS 1?"
-    has = f"{len(found)} nodes of AMCL, {', '.join(found)}"
-    has = has if found else f"no node {last} with {_OWN} (its nodes: {there})"
+    has = f"{len(own)} nodes of AMCL, {', '.join(own)}"
+    has = has if own else f"no node amcl with {_OWN} (its nodes: {there})"
     raise InputError(f"{path} has {has}: choose one by --node, or give Nav2's parameter file.")
-
-
-def _shortest(pattern: str, last: str) -> list[str]:
-    """Return the shortest name of a node "/…/last" that fits a wildcard, if any does."""
-    at = pattern.replace("/**", "")
-    names = at, f"{at.removesuffix('/*')}/{last}"
-    return [n for n in names if n.endswith(f"/{last}") and _fitting(n, [pattern])][:1]
 
 
 def _scalar(text: str) -> Any:

@@ -20,9 +20,7 @@ from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
 from deqmcl_gym.logs.trajectory import tolerance_of
-from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import Floats, Pose
 from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import OmniMotion, RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of
@@ -89,8 +87,7 @@ class Replay:
         places = log.scanner.places
         at = " and ".join(f"({x:g}, {y:g})" for x, y in places)
         mounted = f" The scanner is mounted at {at} {log.unit} on it, ahead and left."
-        head = "changed_walls."
-        changed = {n.removeprefix(head): v for n, v in self.world.items() if n.startswith(head)}
+        changed = values_among(self.world, "changed_walls.")
         walls = ", ".join(f"{name} {value}" for name, value in changed.items())
         facts = [
             f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
@@ -184,33 +181,36 @@ def replay_of(
         world.setdefault("start", int(whole.referenced[0]))
     played, ground = REPLAY.changed(world).recording()
     check_inside(played, ground)
-    if start == "reference" and (at := played[0].reference) is not None:
-        _check_free(ground, at, "the reference begins at", "--start=x,y,θ")
+    prior: dict[str, Any] = {}
+    at, where, remedy = played[0].reference, "the reference begins at", "--start=x,y,θ"
+    if start != "reference":
+        prior = {} if start is None else _start_of(start)
+        at = prior["prior.mean"] if prior.keys() == {"prior.mean"} else None
+        where, remedy = "--start is", "a pose where the robot can be"
+    if at is not None and not ground.free(np.array([at]))[0]:
+        raise InputError(
+            f"{where} ({at[0]:g}, {at[1]:g}), but that is no free space on the map: give {remedy}."
+        )
     assumed, origin = _with_noise(world, absolute_assumed(Overrides(asked)), played)
-    if start not in ("reference", None):
-        prior = _start_of(start)
-        if prior.keys() == {"prior.mean"}:
-            at = prior["prior.mean"]
-            _check_free(ground, at, "--start is", "a pose where the robot can be")
-        assumed = prior | assumed
-    said = _reference(
-        whole.segment(world.get("start", 0)), played, world.get("reading.reference_tolerance")
+    rest = whole.segment(world.get("start", 0))
+    return Replay(
+        world=Overrides(world),
+        assumed=Overrides(prior | assumed),
+        noise=origin,
+        reference=_reference(rest, played, world.get("reading.reference_tolerance")),
     )
-    return Replay(world=Overrides(world), assumed=Overrides(assumed), noise=origin, reference=said)
 
 
 def reading_among(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of ``logs.read`` that are set; nothing else may be."""
-    head = "world.reading."
     for name in settings:
-        if not name.startswith(head):
-            one_of("name of a setting of a log", name, [f"{head}…"])
-    return {name.removeprefix(head): value for name, value in settings.items()}
+        if not name.startswith("world.reading."):
+            one_of("name of a setting of a log", name, ["world.reading.…"])
+    return values_among(settings, "world.reading.")
 
 
-def params_among(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of localizers that are set, without "params."."""
-    head = "params."
+def values_among(settings: Mapping[str, Any], head: str = "params.") -> dict[str, Any]:
+    """Return the settings whose names begin so, without that; of parameters, if it is not given."""
     return {n.removeprefix(head): value for n, value in settings.items() if n.startswith(head)}
 
 
@@ -218,8 +218,8 @@ def _parts(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]
     """Return what is set of the world, and of what localizers assume."""
     parts: dict[str, dict[str, Any]] = {part: {} for part in _PARTS}
     for name, value in settings.items():
-        part, dot, rest = name.partition(".")
-        if not (dot and rest) or part not in parts:
+        part, _, rest = name.partition(".")
+        if not rest or part not in parts:
             one_of("name of a setting on a log", name, [f"{part}.…" for part in _PARTS])
         if name.startswith("world.reading.scanner"):
             raise InputError(
@@ -231,47 +231,37 @@ def _parts(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]
     return parts["world"], parts["assumed"]
 
 
-def _check_free(ground: Map, at: Pose, what: str, remedy: str) -> None:
-    """Refuse a start that is no free space."""
-    if not ground.free(np.array([at]))[0]:
-        raise InputError(
-            f"{what} ({at[0]:g}, {at[1]:g}), but that is no free space on the map: give {remedy}."
-        )
-
-
 def _with_noise(
     world: Mapping[str, Any], assumed: Mapping[str, Any], played: Log
 ) -> tuple[dict[str, Any], str]:
     """Return what is assumed, with the noise of the motion that is not given, and its origin."""
-    noise = REPLAY.changed(world, assumed).motion
-    if isinstance(table := assumed.get("motion"), Mapping):
-        rest = {name: value for name, value in assumed.items() if name != "motion"}
-        assumed = rest | {f"motion.{name}": value for name, value in table.items()}
-    names = {f"motion.{name}" for name in vars(noise)}
-    told = [name.partition(".")[2] for name in assumed if name in names]
-    if names - {"motion.still"} <= assumed.keys():
-        return dict(assumed), "given"
-    estimated: dict[str, Any] = {}
+    noise, given = REPLAY.changed(world, assumed).motion, dict(assumed)
+    if isinstance(table := given.get("motion"), Mapping):
+        given |= {f"motion.{name}": value for name, value in table.items()}
+        del given["motion"]
+    names = [f"motion.{name}" for name in vars(noise)]
+    told = [name.partition(".")[2] for name in given if name in names]
+    if {*names} - {"motion.still"} <= given.keys():
+        return given, "given"
+    origin = "assumed, as there is no reference"
     if shows_noise(played):
         origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
-        estimated = {
-            f"motion.{n}": v for n, v in vars(motion_noise(played, kind_of(noise))).items()
-        }
     elif played.reference is not None:
         origin = "assumed, as too few records that move have a reference pose of their own time"
-    else:
-        origin = "assumed, as there is no reference"
-    if told:
-        return {**estimated, **assumed}, f"{', '.join(told)} given; the rest {origin}"
-    return dict(assumed), origin
+    if not told:
+        return given, origin
+    if shows_noise(played):
+        estimated = vars(motion_noise(played, kind_of(noise)))
+        given = {f"motion.{name}": value for name, value in estimated.items()} | given
+    return given, f"{', '.join(told)} given; the rest {origin}"
 
 
 def length_and_angle(option: str, text: str) -> tuple[float, float]:
     """Return metres and rad of "0.5m,15deg"."""
-    length, angle = spacing(option, text, "m")
-    if not (math.isfinite(length) and math.isfinite(angle)):
+    both = spacing(option, text, "m")
+    if not all(map(math.isfinite, both)):
         raise InputError(f'{option} is {text!r}, but must have both, as in "0.5m,15deg".')
-    return length, angle
+    return both
 
 
 def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
@@ -281,12 +271,12 @@ def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
         with documents.errors_name(Path(start)):
             documents.check_values(given, ["prior"])
             return dict(Overrides.told("prior", {"prior": given.get("prior", {})}))
+    if start == "global":
+        return {"prior.kind": "uniform"}
     word, equals, text = start.rpartition("=") if isinstance(start, str) else ("", "", start)
     known = parsed("--start", text) if isinstance(text, str) else text
     some = isinstance(known, list | tuple) and all(isinstance(one, int | float) for one in known)
     numbers = list(map(float, known)) if some else []
-    if start == "global":
-        return {"prior.kind": "uniform"}
     if word == "room" and len(numbers) >= 6 and len(numbers) % 2 == 0:
         corners = tuple(zip(numbers[::2], numbers[1::2], strict=True))
         return {"prior.kind": "uniform", "prior.polygon": corners}
@@ -308,9 +298,9 @@ def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
     if not known.size:
         return ""
     within = tolerance_of(played, tolerance)
-    between = 0 if played.interpolated is None else int(played.interpolated.sum())
+    between = known.size - played.posed.size
     counts = [
-        f"{known.size - between:,} of {len(played):,} records have a pose within "
+        f"{played.posed.size:,} of {len(played):,} records have a pose within "
         f"{1000 * within:.3g} ms of their own time"
     ]
     if between:
@@ -321,35 +311,26 @@ def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
     if unknown := len(played) - known.size:
         counts.append(f"{unknown:,} without one do not count")
     said = f"Reference: {'; '.join(counts)}."
-    off = interpolation_errors(whole) if between else None
-    if off is None:
-        return said
-    size = metre(whole.unit)
-    position, heading = (np.quantile(one, (0.5, 0.95)) for one in off)
-    return (
-        f"{said} Every second pose, left out and interpolated from its neighbours, is off by "
-        f"{position[0] / size:.3f} m and {math.degrees(heading[0]):.1f}° (median), "
-        f"{position[1] / size:.3f} m and {math.degrees(heading[1]):.1f}° (95 %): errors "
-        "of that size may be the reference's."
-    )
+    return said + _interpolated_words(whole) if between else said
 
 
-def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
-    """How far off every second reference pose is if it is interpolated between its neighbours.
-
-    Lengths and angles, (k,) each, more than at the records between; None if there are none.
-    """
-    at = log.referenced
-    if log.interpolated is not None:
-        at = at[~log.interpolated[at]]
+def _interpolated_words(log: Log) -> str:
+    """Say how far off every second reference pose is if it is interpolated; "" if that is none."""
+    at, size = log.posed, metre(log.unit)
     if log.reference is None or at.size < 3:
-        return None
+        return ""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # of few records: half of them are left out
         half = referenced(log, Trajectory(log.times[at[::2]], log.reference[at[::2]]))
     hidden = at[1:-1:2]
     assert half.reference is not None
     if not np.isfinite(half.reference[hidden]).any():
-        return None
+        return ""
     off = absolute(log.reference[hidden], half.reference[hidden])
-    return off.translation, off.rotation
+    position = np.quantile(off.translation, (0.5, 0.95)) / size
+    heading = np.degrees(np.quantile(off.rotation, (0.5, 0.95)))
+    return (
+        " Every second pose, left out and interpolated from its neighbours, is off by "
+        f"{position[0]:.3f} m and {heading[0]:.1f}° (median), {position[1]:.3f} m and "
+        f"{heading[1]:.1f}° (95 %): errors of that size may be the reference's."
+    )

@@ -20,15 +20,10 @@ from benchmarks.report.page import no_report, page_files
 from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
 from benchmarks.report.verdict import conclusion
-from benchmarks.robots.calibration import (
-    doubts_of,
-    judged_after_part,
-    misfit_words,
-    with_fitted_power,
-)
+from benchmarks.robots import calibration
 from benchmarks.robots.nav2 import Amcl, read_nav2
-from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, params_among, replay_of
-from benchmarks.robots.residuals import PICTURE, TABLE, Residuals, residuals_of
+from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, replay_of, values_among
+from benchmarks.robots.residuals import PICTURE, TABLE, residuals_of
 from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
@@ -37,6 +32,7 @@ from benchmarks.sweeps.running import Options, begun, check
 from benchmarks.sweeps.sweepfile import check_localizers, params_by_localizer
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import file_words, short_names
+from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
@@ -97,19 +93,22 @@ def planned(
             settings=usual | dict(settings),
         )
     warnings = warn(of_reader)  # whatever fails later
-    params = params_by_localizer(params_among(settings), localizers)
-    replay = judged_after_part(replay)
+    params = params_by_localizer(values_among(settings), localizers)
+    replay = calibration.judged_after_part(replay)
     if any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items()):
-        replay = with_fitted_power(replay)
+        replay = calibration.with_fitted_power(replay)
     sweep = replay_sweep(
         replay, localizers, particles=particles, seeds=seeds, root=seed, nav2=nav2, own=params
     )
     check(sweep)
     warnings += warn(gated(sweep, settings.get("world.every")))
     for file in nav2:
-        amcl = {**file.params, **params["amcl"]} if "amcl" in params else None
-        warnings += warn([*file.notes, *([] if amcl is None else file.differences(amcl, replay))])
-        if particles is not None and amcl is not None:
+        warnings += warn(file.notes)
+        if "amcl" not in params:
+            continue
+        amcl = {**file.params, **params["amcl"]}
+        warnings += warn(file.differences(amcl, replay))
+        if particles is not None:
             own = f"has the file's, {amcl['min_particles']} to {amcl['max_particles']}"
             more = "--set params.amcl.max_particles=… makes the comparison fair"
             warnings += warn([f"--particles {particles} is not of amcl, which {own}: {more}"])
@@ -163,8 +162,8 @@ def gated(sweep: Sweep, every: str | None) -> list[str]:
     waits = [method.params.keys() for method in sweep.localizers if method.name == "amcl"]
     if every is None or not waits or {"update_min_d", "update_min_a"} & waits[0]:
         return []
-    least, asked = spacing("every", OFTEN, "m"), spacing("--every", every, "m")
-    if asked[0] <= least[0] and asked[1] <= least[1]:
+    apart = zip(spacing("--every", every, "m"), spacing("every", OFTEN, "m"), strict=True)
+    if all(asked <= often for asked, often in apart):
         return []
     return [
         "amcl updates when the robot has moved 0.25 m or turned 0.2 rad, as Nav2's does, but only "
@@ -251,42 +250,62 @@ def run_replay(
     A folder that holds what is not of this sweep is refused; if a run failed, what the others gave
     is written all the same.
     """
-    played, sweep, warnings = plan.replay, plan.sweep, plan.warnings
+    replay, sweep, drawn = plan.replay, plan.sweep, no_report() is None
     with begun(sweep, out, options, command=command) as running:
         shown = [
-            *warnings,
-            *warn([played.sideways, *doubts_of(played.scenario), touches(played)]),
+            *plan.warnings,
+            *warn([replay.sideways, *calibration.doubts_of(replay.scenario), touches(replay)]),
         ]
         results = running.results()
-        runs = _runs(played, sweep, results)
-        if not played.log.referenced.size and len(done := ended(runs)):
+        records, failed = dict[str, list[Finished]](), dict[str, int]()
+        for method in sweep.localizers:
+            records[method.shown] = [r for r in results.records if r.trial.method == method]
+            failed[method.shown] = [f.trial.method for f in results.failures].count(method)
+        runs = runs_frame(records, failed, replay.log)
+        if not replay.log.referenced.size and len(done := ended(runs)):
             where = "from the poses that the best run estimates"
-            shown += warn([misfit_words(max(done["agreement_03"]), where, played.log.scanner)])
-        wrong = residuals_of(played, runs) if residuals else None
+            shown += warn(
+                [calibration.misfit_words(max(done["agreement_03"]), where, replay.log.scanner)]
+            )
+        wrong = residuals_of(replay, runs) if residuals else None
         with doing(f"writing the report in {out}"):
+            contents = {
+                "results.csv": utf8(csv_of(tracks_table(runs, results.table))),
+                "trials.csv": utf8(csv_of(tracks_trials(runs))),
+                **_tracks(replay, runs),
+                **({} if wrong is None else wrong.files(drawn=drawn)),
+            }
+            if drawn and results.panels:
+                page = page_files(
+                    results,
+                    Path(),
+                    notes=[*accuracy(runs), replay.overview, _RUNS],
+                    warnings=shown,
+                    facts=[*replay.facts, *published(runs)],
+                    more=[] if wrong is None else [wrong.part],
+                )
+                contents["report.html"] = page["report.html"]
             for name in (PICTURE, TABLE):  # of a run with --residuals
                 (out / name).unlink(missing_ok=True)
-            files = write_files(out, _contents(played, runs, results, shown, wrong))
+            files = write_files(out, contents)
     differences = [table for panel in results.panels if (table := differences_table(panel))]
     first, *others = tables_of(runs)
-    texts = [conclusion(results), *accuracy(runs), played.overview]
+    texts = [conclusion(results), *accuracy(runs), replay.overview]
     texts += [] if wrong is None else [wrong.said]
-    texts += [*(table.text() for table in (first, *differences, *others))]
-    texts += [*played.facts, *published(runs)]
+    texts += [table.text() for table in (first, *differences, *others)]
+    texts += [*replay.facts, *published(runs)]
     names = ", ".join(path.name for path in files if path.parent == out)
     written = [f"Written to {out}: {names} and {_TRACKS}/."]
-    if (why := no_report()) is not None:
-        written.append(f"Tables only: {why}")
+    written += [] if drawn else [f"Tables only: {no_report()}"]
     return ReplayResults(runs, results, "\n\n".join(texts), "\n\n".join(written))
 
 
 def touches(replay: Replay) -> str | None:
     """Return the warning that the reference itself touches walls; None if it does not."""
     log, floor_plan = replay.scenario.recording()
-    if log.reference is None or not log.referenced.size:
-        return None
+    poses = np.empty((0, 3)) if log.reference is None else log.reference[log.referenced]
     radius = replay.scenario.room().radius
-    inside = ~floor_plan.free(log.reference[log.referenced, :2], radius)
+    inside = ~floor_plan.free(poses[:, :2], radius)
     if not inside.any():
         return None
     return (
@@ -296,45 +315,10 @@ def touches(replay: Replay) -> str | None:
     )
 
 
-def _runs(replay: Replay, sweep: Sweep, results: Results) -> pd.DataFrame:
-    """Return the runs of each localizer, in the order in which they were named."""
-    failed = [failure.trial.method for failure in results.failures]
-    records = {
-        method.shown: [record for record in results.records if record.trial.method == method]
-        for method in sweep.localizers
-    }
-    counts = {method.shown: failed.count(method) for method in sweep.localizers}
-    return runs_frame(records, counts, replay.log)
-
-
-def _contents(
-    replay: Replay,
-    runs: pd.DataFrame,
-    results: Results,
-    warnings: Sequence[str],
-    wrong: Residuals | None,
-) -> dict[str, bytes]:
-    contents = {
-        "results.csv": utf8(csv_of(tracks_table(runs, results.table))),
-        "trials.csv": utf8(csv_of(tracks_trials(runs))),
-        **_tracks(replay, runs),
-    }
-    if wrong is not None:
-        contents |= wrong.files(drawn=no_report() is None)
-    if no_report() is None and results.panels:
-        notes = [*accuracy(runs), replay.overview, _RUNS]
-        more = [] if wrong is None else [wrong.part]
-        facts = [*replay.facts, *published(runs)]
-        page = page_files(results, Path(), notes=notes, warnings=warnings, facts=facts, more=more)
-        contents["report.html"] = page["report.html"]
-    return contents
-
-
 def _tracks(replay: Replay, runs: pd.DataFrame) -> dict[str, bytes]:
     """Return the trajectories of all runs, and the reference, as TUM files by name."""
-    log, files = replay.log, {}
-    if log.reference is not None and log.referenced.size:
-        known = log.referenced
+    log, known, files = replay.log, replay.log.referenced, {}
+    if log.reference is not None and known.size:
         files[f"{_TRACKS}/reference.tum"] = Trajectory(log.times[known], log.reference[known]).tum
     labels = list(runs["label"].unique())
     words = dict(zip(labels, file_words(labels), strict=True))
@@ -357,17 +341,17 @@ def methods_of(
     files = {str(file.file.with_suffix("")): file for file in nav2}
     if len(files) < len(nav2):
         raise InputError(f"--nav2 names a file twice, of {', '.join(files)}: give each once.")
-    words, methods, numbers = short_names(files), list[Method](), dict[str, int]()
+    words, methods, sizes = short_names(files), list[Method](), dict[str, int]()
     if particles is not None:
-        numbers = dict.fromkeys(("particles", "max_particles"), particles)
-        numbers["min_particles"] = min(particles, 500)
+        sizes = dict.fromkeys(("particles", "max_particles"), particles)
+        sizes["min_particles"] = min(particles, 500)
     for name in localizers:
         sets: dict[Overrides, list[str]] = {}  # files of one and the same parameters are one row
         for path, file in files.items() if name == "amcl" else ():
             sets.setdefault(Overrides(file.params) | own.get(name, {}), []).append(words[path])
         if not sets:
             taken = parameters(name) or ()
-            usual = Overrides({word: n for word, n in numbers.items() if word in taken})
+            usual = Overrides({word: n for word, n in sizes.items() if word in taken})
             sets[usual | own.get(name, {})] = []
         for params, sources in sets.items():
             label = f"{name} ({' = '.join(sources)})" if sources and len(files) > 1 else ""

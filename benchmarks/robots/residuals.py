@@ -23,16 +23,7 @@ from benchmarks.report.tables import Part, Table
 from benchmarks.report.tracks import map_axes
 from benchmarks.robots.played import Replay
 from benchmarks.tables.text import percent
-from benchmarks.trials.map_signals import (
-    APART,
-    CLEAR,
-    Expected,
-    Fit,
-    Lattice,
-    Rays,
-    count,
-    known_part,
-)
+from benchmarks.trials import map_signals
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
@@ -81,9 +72,9 @@ class Residuals:
     whose: str = ""
 
     @cached_property
-    def _fit(self) -> Fit:
-        known = known_part(self.floor_plan)
-        return Expected.of(known, self.lidar, self.poses).fit(self.ranges)
+    def _fit(self) -> map_signals.Fit:
+        known = map_signals.known_part(self.floor_plan)
+        return map_signals.Expected.of(known, self.lidar, self.poses).fit(self.ranges)
 
     @cached_property
     def used(self) -> Bools:
@@ -95,20 +86,20 @@ class Residuals:
             return np.asarray(np.nanmedian(windows, axis=1) >= _EXPLAINED)
 
     @cached_property
-    def lattice(self) -> Lattice:
+    def lattice(self) -> map_signals.Lattice:
         """The cells that places are made of."""
-        return Lattice.over(self.floor_plan)
+        return map_signals.Lattice.over(self.floor_plan)
 
     @cached_property
     def places(self) -> list[Place]:
         """Where the map is wrong, the place of the most evidence first."""
         used, fit, length = self.used, self._fit, metre(self.floor_plan.unit)
-        rays = Rays.of(self.lattice, self.lidar, self.poses[used])
+        rays = map_signals.Rays.of(self.lattice, self.lidar, self.poses[used])
         ranges, expected = self.ranges[used].astype(np.float64), fit.expected[used]
         returned, short, long = fit.returned[used], fit.short[used], fit.long[used]
-        clear = CLEAR * length
+        clear = map_signals.CLEAR * length
         ends = np.column_stack([points.ravel() for points in rays.points(ranges)])
-        hit = short & known_part(self.floor_plan).free(ends).reshape(short.shape)
+        hit = short & map_signals.known_part(self.floor_plan).free(ends).reshape(short.shape)
         solid = self.floor_plan  # all whose unknown cells are free
         solid = replace(solid, unknown="free") if isinstance(solid, GridMap) else solid
         hit[hit] = solid.distance(ends[hit.ravel()]) > clear
@@ -116,8 +107,8 @@ class Residuals:
         with np.errstate(invalid="ignore"):
             ended_there = returned & ~short & ~long & (np.abs(ranges - expected) <= clear)
         passed = rays.passed(np.where(returned, ranges - clear, 0.0))
-        stopped = count(walls[ended_there], self.lattice)
-        numbers = _poses_apart(self.poses[used], APART * length)
+        stopped = map_signals.count(walls[ended_there], self.lattice)
+        numbers = _poses_apart(self.poses[used], map_signals.APART * length)
         seen = {HIT: (rays.cells(ranges), hit, passed), THROUGH: (walls, long, stopped)}
         places = list[Place]()
         for kind, (cells, against, agreed) in seen.items():
@@ -129,7 +120,7 @@ class Residuals:
         self, kind: str, cells: Indices, poses: Indices, agreed: Indices
     ) -> Iterator[Place]:
         """Yield places by the cell and the pose of each beam against the map, and what agrees."""
-        against = count(cells, self.lattice)
+        against = map_signals.count(cells, self.lattice)
         share = against / np.maximum(against + agreed, 1)
         total = max(int(against.sum() + agreed.sum()), 1)
         usual = float(np.clip(int(against.sum()) / total, *_USUAL))
@@ -171,19 +162,19 @@ class Residuals:
         fits = fit.returned[self.used] & ~short & ~long
         if not fits.any():
             return ""
-        rays = Rays.of(self.lattice, self.lidar, self.poses[self.used])
+        rays = map_signals.Rays.of(self.lattice, self.lidar, self.poses[self.used])
         x, y = rays.points(ranges)
-        off = known_part(self.floor_plan).distance(np.column_stack([x[fits], y[fits]]))
+        off = map_signals.known_part(self.floor_plan).distance(np.column_stack([x[fits], y[fits]]))
         cell = getattr(self.floor_plan, "resolution", _CELL * metre(unit))
         blur, against = float(np.median(off)), int((short | long).sum())
         things = sum(place.beams for place in self.places) / max(against, 1)
         words = "what does not fit is scattered, as people and edges are"
         if blur > _BLURRED * cell:
             words = "residuals are at walls everywhere, so the map is blurred or the poses are off"
+        elif not against:
+            return "All returns fit the map."
         elif things > _GATHERED:
             words = "what does not fit is gathered, so things have moved"
-        if not against and blur <= _BLURRED * cell:
-            return "All returns fit the map."
         return (
             f"Half of the returns that fit are within {blur:.3f} {unit} of a wall, and "
             f"{percent(things)} of the {against:,} that do not are at these places: {words}."
@@ -195,28 +186,28 @@ class Residuals:
         lengths = ["x", "y", "width", "height"]
         frame[lengths] = frame[lengths].astype(object).map("{:.3f}".format)
         frame["share"] = frame["share"].astype(object).map("{:.4f}".format)
-        frame.insert(0, "place", range(1, len(frame) + 1))
-        named = {name: f"{name}_{self.floor_plan.unit}" for name in lengths}
-        text = frame.rename(columns=named).to_csv(index=False, lineterminator="\n")
-        if not drawn:
-            return {TABLE: utf8(text)}
-        with styled():
-            return {TABLE: utf8(text), PICTURE: self.chart.drawn("png", dpi=200)}
+        named = frame.rename(columns={name: f"{name}_{self.floor_plan.unit}" for name in lengths})
+        named.index += 1
+        files = {TABLE: utf8(named.to_csv(index_label="place", lineterminator="\n"))}
+        if drawn:
+            with styled():
+                files[PICTURE] = self.chart.drawn("png", dpi=200)
+        return files
 
     def table(self) -> Table:
         """Return the first places."""
-        unit = self.floor_plan.unit
-        header = ["place", "kind", f"x, {unit}", f"y, {unit}", f"extent, {unit}"]
-        lines = [
-            [
-                *(str(number), place.kind, f"{place.x:.1f}", f"{place.y:.1f}"),
-                f"{place.width:.1f} × {place.height:.1f}",
-                *(f"{place.beams:,}", str(place.poses), percent(place.share)),
-            ]
-            for number, place in enumerate(self.places[:_LISTED], 1)
-        ]
-        frame = pd.DataFrame(lines, columns=[*header, "beams", "poses", "share"])
-        return Table("residuals", frame, about=len(self.places) - len(lines))
+        unit, listed = self.floor_plan.unit, self.places[:_LISTED]
+        columns = {
+            "place": [str(number + 1) for number in range(len(listed))],
+            "kind": [place.kind for place in listed],
+            f"x, {unit}": [f"{place.x:.1f}" for place in listed],
+            f"y, {unit}": [f"{place.y:.1f}" for place in listed],
+            f"extent, {unit}": [f"{place.width:.1f} × {place.height:.1f}" for place in listed],
+            "beams": [f"{place.beams:,}" for place in listed],
+            "poses": [str(place.poses) for place in listed],
+            "share": [percent(place.share) for place in listed],
+        }
+        return Table("residuals", pd.DataFrame(columns), about=len(self.places) - len(listed))
 
     @cached_property
     def chart(self) -> Chart:

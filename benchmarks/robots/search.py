@@ -18,6 +18,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pandas as pd
+from numpy.random import Generator
 
 from benchmarks.files import is_empty
 from benchmarks.robots.played import REPLAY_SCENARIO, Replay
@@ -112,20 +113,14 @@ def _ends(replay: Replay, length: float, gap: float) -> Iterator[tuple[int, int]
         if last >= len(whole):
             return
         inside = np.searchsorted(referenced, last, side="right") - begin
+        at = first + 1
         if inside >= _KNOWN * (last - first + 1):
             yield first, last
             at = max(last + 1, int(np.searchsorted(way, way[last] + gap)))
-        else:
-            at = first + 1
 
 
 def _segment(
-    number: int,
-    replay: Replay,
-    first: int,
-    last: int,
-    sd: tuple[float, float],
-    rng: np.random.Generator,
+    number: int, replay: Replay, first: int, last: int, sd: tuple[float, float], rng: Generator
 ) -> Segment:
     """Return the records from the first to the last, both included."""
     whole, ground = replay.scenario.whole, replay.scenario.recording()[1]
@@ -147,7 +142,7 @@ def _segment(
     )
 
 
-def _stream(seed: int, *key: int) -> np.random.Generator:
+def _stream(seed: int, *key: int) -> Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SEARCH, *key)))
 
 
@@ -191,8 +186,8 @@ class Task:
     @property
     def of_logs(self) -> list[Trial]:
         """A run of the default on each log."""
-        segments = {part.world["log"]: part for part in (*self.training, *self.held_out)}
-        return [self.trial(NOTHING, segment) for segment in segments.values()]
+        of_logs = {part.world["log"]: part for part in (*self.training, *self.held_out)}
+        return [self.trial(NOTHING, part) for part in of_logs.values()]
 
     def check(self) -> None:
         """Set up each log, let the localizer look at the ends of all ranges, and run it once."""
@@ -257,16 +252,12 @@ def _log_of(world: Overrides) -> Log:
 def _judged(
     runs: Sequence[Finished | None], by: Calibration | None = None
 ) -> tuple[list[dict[str, float]], Calibration]:
-    """Return the scores of runs, those of covariances as published by a calibration, and that.
-
-    None is what fits their own errors together; as believed if none is known.
-    """
+    """Return scores of runs, covariances published by a calibration, fitted if None, and that."""
     tracks = [run.track.on(_log_of(run.trial.world)) if run and run.track else None for run in runs]
     if by is None:
         each = [track.deviations() for track in tracks if track]
-        known = sum(len(off) for off, _ in each)
         fitted = map(np.concatenate, zip(*each, strict=True))
-        by = Calibration.fitted(*fitted) if known else Calibration()
+        by = Calibration.fitted(*fitted) if any(len(off) for off, _ in each) else Calibration()
     rows = []
     for scores, track in zip(map(_scores, runs), tracks, strict=True):
         published = track_scores(ScoredTrack(track, 0, by), PUBLISHED) if track else {}
@@ -298,8 +289,7 @@ class Search:
                 file=sys.stderr,
                 flush=True,
             )
-        last = self._ranked(tried)[:_FINALISTS]
-        last += [tried[0]] * (tried[0] not in last)
+        last = [*dict.fromkeys([*self._ranked(tried)[:_FINALISTS], tried[0]])]
         self._measure(last, self.task.training, _FINAL_RUNS)
         best = min(last, key=self._key)
         both, which = [NOTHING, best.values], ("default", "tuned")
@@ -326,14 +316,15 @@ class Search:
         task, rng = self.task, _stream(self.task.seed, _DRAWS, number)
         near, strips = (count // 2, ROUND - ROUND // 2) if number else (0, count - 1)
         whole = latin_hypercube(task.space, strips, rng)[: count - near]
-        drawn = [Candidate(values=values, round=number, whole_space=True) for values in whole]
-        if number == 0:
-            return [Candidate(values=NOTHING, round=0, whole_space=False), *drawn]
-        best = self._ranked(tried)
-        for i in range(near):
-            values = neighbour(task.space, best[i % 2].values, task.usual, rng)
-            drawn.append(Candidate(values=values, round=number, whole_space=False))
-        return drawn
+        best = [candidate.values for candidate in self._ranked(tried)]
+        beside = [neighbour(task.space, best[i % 2], task.usual, rng) for i in range(near)]
+        default = [] if number else [NOTHING]
+        drawn = [(default, False), (whole, True), (beside, False)]
+        return [
+            Candidate(values=values, round=number, whole_space=of_whole)
+            for some, of_whole in drawn
+            for values in some
+        ]
 
     def _halve(self, number: int, candidates: Sequence[Candidate]) -> None:
         """Measure the candidates of a round on more and more segments, the better ones on all."""
@@ -366,24 +357,22 @@ class Search:
     ) -> None:
         """Set the scores of candidates on segments; refuse a default that has none."""
         each = self._runs([candidate.values for candidate in candidates], segments, runs)
+        goal = self.task.goal.name
         for candidate, records in zip(candidates, each, strict=True):
-            rows = [*map(_scores, records)]
-            if self.task.goal.name in PUBLISHED:
-                rows, _ = _judged(records)
-            values = [row.get(self.task.goal.name, math.nan) for row in rows]
+            rows = _judged(records)[0] if goal in PUBLISHED else map(_scores, records)
+            values = [row.get(goal, math.nan) for row in rows]
             candidate.segments = len(segments)
             candidate.value = math.inf if np.isnan(values).any() else float(np.mean(values))
             candidate.ms_per_step = milliseconds_per_step([*filter(None, records)])
             if candidate.values == NOTHING and math.isinf(candidate.value):
-                lacking = int(np.isnan(values).argmax())
-                self._refuse_default(segments[lacking // runs], lacking % runs)
+                segment, run = divmod(int(np.isnan(values).argmax()), runs)
+                self._refuse_default(segments[segment], run)
 
     def _refuse_default(self, segment: Segment, run: int) -> None:
         """Say why its run has no score."""
-        task = self.task
-        why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
-        where = f"on the segment at {segment.begins:.1f} s"
+        task, where = self.task, f"on the segment at {segment.begins:.1f} s"
         default = f"the default of {task.localizer}"
+        why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
         if why is None:
             raise InputError(f"{default} has no {task.score} {where}: choose another --score.")
         raise TrialsFailedError(
@@ -411,7 +400,7 @@ def search(task: Task, out: Path, options: Options, candidates: int) -> Tuning:
     state = msgspec.json.encode({"search": task, "made_by": now}, enc_hook=Overrides.json)
     if not is_empty(out):
         try:
-            apart = list(differences(json_of(content_of(out / STATE)), json_of(state)))
+            apart = [*differences(json_of(content_of(out / STATE)), json_of(state))]
         except FileNotFoundError:
             raise InputError(f"{out} holds files, but no {STATE}: give a new --out.") from None
         except UnreadableError as error:

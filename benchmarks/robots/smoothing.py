@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.files import own_folder, write_files
 from benchmarks.robots.calibration import FEW, doubts_by
-from benchmarks.robots.played import Replay, params_among, replay_of
+from benchmarks.robots.played import Replay, replay_of, values_among
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.tables.text import percent
 from benchmarks.trials.tracks import AGREE
@@ -70,10 +70,8 @@ class Smoothed:
     def objection(self) -> str:
         """Why the poses should not serve as a reference, in words; "" if nothing speaks against."""
         share, size = float(self.doubtful.mean()), metre(self.log.unit)
-        way, driven = (
-            float(lengths_of(increments_of(poses)).sum()) / size
-            for poses in (self.poses, self.log.odometry)
-        )
+        way = lengths_of(increments_of(self.poses)).sum() / size
+        driven = self.log.driven[-1] / size
         if self.elsewhere >= len(self.runs):
             return f"{self.elsewhere} of {self.elsewhere + len(self.runs)} runs ended elsewhere"
         if not 1 / _LONGER < (way + _SLACK) / (driven + _SLACK) < _LONGER:
@@ -162,7 +160,7 @@ def smooth(
     """
     integer("--particles", particles, low=2)
     integer("--seeds", seeds, low=1, high=1000)
-    for name in params_among(settings):
+    for name in values_among(settings):
         one_of("name of a setting of smooth", f"params.{name}", ["world.…", "assumed.…"])
     with doing("reading the log and the map"), log_warnings() as warnings:
         replay = replay_of(log, map, start=start, settings=settings)
@@ -203,14 +201,12 @@ def _run(replay: Replay, particles: int, rng: np.random.Generator) -> tuple[Sing
 
 
 def _explained(log: Log, floor_plan: Map, poses: Floats) -> Floats:
-    """Share of the returns of each scan within 0.3 m of the map's, median of five scans, (n,).
-
-    A scan without a return, as in a large hall, contradicts nothing: 1.
-    """
+    """Share of the returns of each scan within 0.3 m of the map's, median of five scans, (n,)."""
     expected, seen = log.scanner.ranges(floor_plan, poses.T), np.isfinite(log.ranges)
     with np.errstate(invalid="ignore"):
         near = seen & (np.abs(expected - log.ranges) <= AGREE[1] * metre(log.unit))
     returns = seen.sum(axis=1)
+    # a scan without a return, as in a large hall, contradicts nothing
     shares = np.where(returns > 0, near.sum(axis=1) / np.maximum(returns, 1), 1.0)
     padded = np.pad(shares, _WINDOW // 2, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW)

@@ -126,24 +126,19 @@ def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOT
 
     ``noise`` names the numbers of the motion model, ``base`` are the parameters before the search.
     """
-    if localizer == "amcl":
-        return _of_amcl(base)
+    if localizer == "amcl":  # the least and the most particles fit, too, if one of them is given
+        ranges = dict(_OF_AMCL)
+        least, most = base.get("min_particles"), base.get("max_particles")
+        if isinstance(least, int):  # what is no number is refused when the localizer looks at it
+            ranges["max_particles"] = replace(_MANY, low=max(_MANY.low, least))
+        if isinstance(most, int):
+            ranges["min_particles"] = replace(_FEW, high=min(_FEW.high, most))
+        return {n: r for n, r in ranges.items() if isinstance(r, Choice) or r.low < r.high}
     taken = parameters(localizer) or ()
     own = {name: values for name, values in _OF_OTHERS.items() if name in taken}
     if "lag" not in own:
         own.pop("plan_beta", None)  # it would only choose poses at a start that is not known
     return {**own, **_OF_SCAN, **{f"motion.{name}": _NOISE for name in noise}} if own else {}
-
-
-def _of_amcl(base: Mapping[str, Any]) -> Space:
-    """Return Nav2's; where only one of the least and most particles is moved, they fit, too."""
-    ranges = dict(_OF_AMCL)
-    least, most = base.get("min_particles"), base.get("max_particles")
-    if isinstance(least, int):  # what is no number is refused when the localizer looks at it
-        ranges["max_particles"] = replace(_MANY, low=max(_MANY.low, least))
-    if isinstance(most, int):
-        ranges["min_particles"] = replace(_FEW, high=min(_FEW.high, most))
-    return {n: r for n, r in ranges.items() if isinstance(r, Choice) or r.low < r.high}
 
 
 def space_of(
@@ -156,13 +151,13 @@ def space_of(
     ``only = true`` leaves out all that the file does not name.
     """
     ranges = built_in(localizer, noise, base)
-    if path is None and not ranges:
+    if path is None:
+        if ranges:
+            return ranges
         raise InputError(
             f"{localizer} has no ranges built in: name what is to be searched in a file, as in "
             "--space space.toml."
         )
-    if path is None:
-        return ranges
     document = documents.read_toml(path, "space")
     with documents.errors_name(path):
         space = {} if boolean("only", document.pop("only", False)) else dict(ranges)

@@ -46,11 +46,15 @@ def write_tuned(
         "## Best parameters": _changed(tuning),
     }
     page = {**parts, "## How this was made": _made(tuning, words)}
+    come = pd.DataFrame(map(vars, tuning.tried)).astype({"whole_space": int}).drop(columns="values")
+    values = [dict(candidate.values) for candidate in tuning.tried]
+    values_of = pd.DataFrame(values, columns=[*tuning.task.space], dtype=object)
+    whole = pd.concat([come, values_of], axis=1)  # those of the default empty
     contents = {
         "best.toml": utf8(_sweep_file(tuning, words)),
         "tuned.md": utf8("\n\n".join(f"{name}\n\n{text}" for name, text in page.items()) + "\n"),
         "tuned.csv": utf8(csv_of(table)),
-        "candidates.csv": utf8(_candidates(tuning)),
+        "candidates.csv": utf8(whole.to_csv(index_label="candidate", lineterminator="\n")),
     }
     if best is not None:
         contents[NAV2] = utf8(best)
@@ -111,13 +115,13 @@ def gain(tuning: Tuning, table: pd.DataFrame) -> str:
 
 
 def _conclusion(tuning: Tuning, change: Interval) -> str:
-    limit, failed = tuning.task.max_ms, _failed(tuning)
+    limit, failed, hidden = tuning.task.max_ms, _failed(tuning), "a gain is not shown."
     if math.isnan(change.low):
-        return f"Fewer than {_LEAST} segments are too few for an interval: a gain is not shown."
+        return f"Fewer than {_LEAST} segments are too few for an interval: {hidden}"
     if (failed["tuned"] & ~failed["default"]).any():
-        return "The tuned parameters fail where the default does not: a gain is not shown."
-    if not (change.low > 0 or change.high < 0):
-        return "The 95 % interval includes 0: a gain is not shown."
+        return f"The tuned parameters fail where the default does not: {hidden}"
+    if change.low <= 0 <= change.high:
+        return f"The 95 % interval includes 0: {hidden}"
     if tuning.task.goal.sign * change.mean < 0:
         return "The 95 % interval excludes 0."
     slow = limit is not None and not tuning.tried[0].ms_per_step <= limit
@@ -180,15 +184,6 @@ def _made(tuning: Tuning, words: Sequence[str]) -> str:
         "too good. Intervals: bootstrap over segments, which are of the same building; they do not "
         "tell of another one."
     )
-
-
-def _candidates(tuning: Tuning) -> str:
-    """Return a line per candidate: how far it came, and its values; those of the default empty."""
-    come = pd.DataFrame(map(vars, tuning.tried)).astype({"whole_space": int})
-    values = [dict(candidate.values) for candidate in tuning.tried]
-    table = pd.DataFrame(values, columns=[*tuning.task.space], dtype=object)
-    whole = pd.concat([come.drop(columns="values"), table], axis=1)
-    return str(whole.to_csv(index_label="candidate", lineterminator="\n"))
 
 
 def _sweep_file(tuning: Tuning, words: Sequence[str]) -> str:

@@ -1,6 +1,6 @@
 """Recorded logs as worlds: segments of one, or the whole of it; the noise of their odometry."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from inspect import signature
@@ -56,7 +56,7 @@ class LogScenario(Scenario):
         if self.segments and not log.referenced.size:
             raise InputError(f"{log.source} has no reference to score by: name one as reference.")
         check_inside(log, floor_plan)
-        given = {name: value for name, value in _arguments(self.env).items() if name in _EPISODES}
+        given = _arguments(self.env, _EPISODES)
         shown = given.get("plan", "odometry")
         if shown != "odometry" and self.agent.name != "open-loop":
             raise InputError(
@@ -92,13 +92,13 @@ class LogScenario(Scenario):
     def recording(self) -> tuple[Log, Map]:
         """Return the records that are played and their map."""
         others = (*_EPISODES, "judged")
-        played = {name: value for name, value in self._named().items() if name not in others}
+        played = {name: value for name, value in self._named.items() if name not in others}
         return _played(Overrides(played), self._digests)
 
     @property
     def whole(self) -> Log:
         """The log as it was read, with all records and beams."""
-        return _whole(_read(self._named()), self._digests)
+        return _whole(Overrides(_arguments(self._named, _READ)), self._digests)
 
     @property
     def known(self) -> Mapping[str, Any]:
@@ -116,8 +116,9 @@ class LogScenario(Scenario):
         """Of a whole log, the first record by which beliefs are judged."""
         return None if self.segments else integer("judged", self.env.get("judged", 0))
 
+    @property
     def _named(self) -> Mapping[str, Any]:
-        """Return the arguments of the env, the log and the map among them."""
+        """The arguments of the env, the log and the map among them."""
         for name in ("log", "map"):
             if name not in self.env:
                 raise InputError(
@@ -148,30 +149,24 @@ def check_inside(log: Log, floor_plan: Map) -> None:
         )
 
 
-def _arguments(env: Mapping[str, Any]) -> dict[str, Any]:
+def _arguments(env: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
     """Return arguments as the env takes them: TOML has no None, and "none" is a plan's name."""
-    return {
-        name: None if value == "none" and name != "plan" else value for name, value in env.items()
-    }
-
-
-def _read(env: Mapping[str, Any]) -> Overrides:
-    return Overrides({name: value for name, value in env.items() if name in _READ})
+    given = {name: env[name] for name in names if name in env}
+    return {n: None if v == "none" and n != "plan" else v for n, v in given.items()}
 
 
 @lru_cache(maxsize=4)
 def _whole(env: Overrides, digests: str) -> Log:
     """Return all records of a log, read once for all trials of a process."""
     del digests  # a file that was changed is read again
-    given = _arguments(env)
-    return log_of(given["log"], given.get("reference"), given.get("reading"))
+    return log_of(*(env.get(name) for name in _READ))
 
 
 @lru_cache(maxsize=4)
 def _played(env: Overrides, digests: str) -> tuple[Log, Map]:
     """Return the records that are played and their map."""
-    others = {name: value for name, value in _arguments(env).items() if name not in _READ}
-    made = LogEnv(log=_whole(_read(env), digests), **others)
+    whole = _whole(Overrides(_arguments(env, _READ)), digests)
+    made = LogEnv(log=whole, **_arguments(env, env.keys() - {*_READ}))
     return made.log, made.floor_plan
 
 

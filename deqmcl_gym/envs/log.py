@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym import logs
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import Floats, Indices, Pose, Singles
+from deqmcl_gym.numerics import Indices, Pose, Singles
 from deqmcl_gym.validation import (
     InputError,
     NoEpisodeError,
@@ -67,14 +67,14 @@ def map_of(given: Any, unknown: Any, log: logs.Log) -> Map | None:
         given = {"file": given, "unknown": unknown}
     if given is None:
         return None
-    found = (
-        given if isinstance(given, Map) else WORLDS["paper"].changed(floor_plan=given).floor_plan
-    )
-    if found.unit != log.unit:
+    ours = isinstance(given, Map)
+    floor_plan: Map = given if ours else WORLDS["paper"].changed(floor_plan=given).floor_plan
+    if floor_plan.unit != log.unit:
         raise InputError(
-            f"the map is in {found.unit}, but {log.source} in {log.unit}: give a map in {log.unit}."
+            f"the map is in {floor_plan.unit}, but {log.source} in {log.unit}: give a map in "
+            f"{log.unit}."
         )
-    return found
+    return floor_plan
 
 
 def log_segments(log: logs.Log, length: float | None) -> Indices:
@@ -91,10 +91,9 @@ def log_segments(log: logs.Log, length: float | None) -> Indices:
     last = np.maximum(np.searchsorted(way, way + length), np.arange(1, len(log) + 1))
     whole = last < len(log)
     if log.reference is not None:
-        unknown = np.ones(len(log), np.intp)
-        unknown[log.referenced] = 0
-        unknown = np.concatenate([[0], np.cumsum(unknown)])  # among the first k, (n + 1,)
-        whole[whole] = unknown[last[whole] + 1] == unknown[:-1][whole]
+        known = np.searchsorted(log.referenced, np.arange(len(log) + 1))  # among the first k
+        first = np.flatnonzero(whole)
+        whole[first] = known[last[first] + 1] - known[first] == last[first] + 1 - first
     if not whole.any():
         where = "" if log.reference is None else " with a reference at each record"
         raise InputError(
@@ -229,32 +228,26 @@ class LogEnv(gym.Env[Singles, Singles]):
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
-        whole = log_of(log, reference, reading).segment(start, length)
-        apart = None if every is None else spacing("every", every, whole.unit)
-        played = whole if apart is None else whole.spaced(*apart)
-        self.log = played if max_beams is None else played.with_beams(max_beams)
+        self.log = whole = log_of(log, reference, reading).segment(start, length)
+        if every is not None:
+            self.log = self.log.spaced(*spacing("every", every, whole.unit))
+        if max_beams is not None:
+            self.log = self.log.with_beams(max_beams)
         if len(self.log) < 2:
             raise InputError(
                 f"{self.log.source} has {len(self.log)} record to play (of {len(whole):,} in the "
                 "segment), but needs 2 or more: choose a longer segment or a smaller every."
             )
         self._map = map_of(map, unknown, self.log)
+        self.lidar, usual = self.log.scanner, _RADIUS * pixel(self.log.unit)
         if changed_walls is not None:
-            known = self.log.referenced
-            driven = np.empty((0, 2))
-            if self.log.reference is not None:
-                driven = self.log.reference[known, :2]
-            body = _RADIUS * pixel(self.log.unit)
-            self._map = map_changed(self.floor_plan, changed_walls, driven, body)
-        self.lidar, self.radius = self.log.scanner, _RADIUS * pixel(self.log.unit)
-        if radius is not None:
-            self.radius = number("radius", radius, low=0)
+            true, known = self.log.reference, self.log.referenced
+            driven = np.empty((0, 3)) if true is None else true[known]
+            self._map = map_changed(self.floor_plan, changed_walls, driven[:, :2], usual)
+        self.radius = usual if radius is None else number("radius", radius, low=0)
         self._segments = log_segments(self.log, segment)
         self._actions = self.log.increments.astype(np.float32)
-        shows = one_of("plan", plan, PLANS) == "odometry"
-        planned = self.log.increments if shows else np.empty((0, 3))
-        self._plan = np.vstack([planned, np.zeros((self._horizon, 3))]).astype(np.float32)
-        self._planned = len(planned)
+        self._shows = one_of("plan", plan, PLANS) == "odometry"
         most = np.maximum(np.abs(self._actions).max(axis=0), np.float32(1e-6))
         self.action_space = gym.spaces.Box(-most, most, dtype=np.float32)
         reach = self.lidar.max_range
@@ -312,7 +305,13 @@ class LogEnv(gym.Env[Singles, Singles]):
     def step(self, action: ArrayLike) -> StepResult:
         """Play the next record."""
         recorded = self.next_action
-        self._compare(array("the action (forward, left, turn)", action, (3,)), recorded)
+        given = array("the action (forward, left, turn)", action, (3,))
+        if self._on_mismatch == "error" and np.abs(given - recorded).max() > _SAME:
+            told, meant = (f"({', '.join(map('{:.6g}'.format, a))})" for a in (given, recorded))
+            raise InputError(
+                f"the action of step {self.elapsed_steps + 1} is {told}, but {meant} was recorded: "
+                'give env.unwrapped.next_action, or make the env with on_mismatch="ignore".'
+            )
         self._step += 1
         ended = self._step == self._last
         return self._scans[self._step].copy(), 0.0, ended, False, self._info(recorded)
@@ -327,15 +326,17 @@ class LogEnv(gym.Env[Singles, Singles]):
             return None
         from deqmcl_gym.world.drawing import LIGHT_BLUE, Drawing, View
 
-        step, log = self._begun, self.log
+        step, log, scale = self._begun, self.log, 2.0
         known = log.referenced
         poses = log.odometry if log.reference is None else log.reference
         at = known if known.size else np.arange(len(log))
         ground = self._map if known.size else None
-        if ground is None:  # of odometry that may be far from (0, 0)
-            poses = poses - np.array([*poses[at[0], :2], 0.0])
-        view = _blank(poses[at], log.unit) if ground is None else View(ground)
-        drawing = Drawing(view).path(poses[at], LIGHT_BLUE)
+        if ground is None:  # the area around odometry that may be far from (0, 0)
+            poses, around = poses - np.array([*poses[at[0], :2], 0.0]), 50 * pixel(log.unit)
+            (x0, y0), (x1, y1) = poses[at, :2].min(0) - around, poses[at, :2].max(0) + around
+            ground = PolygonMap(((x0, y0), (x1, y0), (x1, y1), (x0, y1)), unit=log.unit)
+            scale = min(scale, _SIDE * pixel(log.unit) / max(x1 - x0, y1 - y0))
+        drawing = Drawing(View(ground, scale)).path(poses[at], LIGHT_BLUE)
         if not known.size or step in known:
             drawing.beams(self.lidar.rays(poses[step]), log.ranges[step])
             drawing.robot(poses[step], self.radius)
@@ -347,21 +348,11 @@ class LogEnv(gym.Env[Singles, Singles]):
             raise NoEpisodeError
         return self._step
 
-    def _compare(self, action: Floats, recorded: Singles) -> None:
-        """Refuse an action that is not the recorded one."""
-        if self._on_mismatch == "ignore" or np.abs(action - recorded).max() <= _SAME:
-            return
-        given, meant = (f"({', '.join(f'{one:.6g}' for one in row)})" for row in (action, recorded))
-        raise InputError(
-            f"the action of step {self.elapsed_steps + 1} is {given}, but {meant} was recorded: "
-            'give env.unwrapped.next_action, or make the env with on_mismatch="ignore".'
-        )
-
     def _info(self, action: Singles) -> dict[str, Any]:
         step = self._step
-        count = max(0, min(self._horizon, self._planned - step, self._last - step))
-        planned = self._plan[step : step + self._horizon].copy()
-        planned[count:] = 0.0
+        count = min(self._horizon, self._last - step) if self._shows else 0
+        planned = np.zeros((self._horizon, 3), np.float32)
+        planned[:count] = self._actions[step : step + count]
         info: dict[str, Any] = {
             "planned_actions": planned,
             "planned_count": np.int64(count),
@@ -373,13 +364,3 @@ class LogEnv(gym.Env[Singles, Singles]):
             known = np.isfinite(self.log.reference[step])
             info["truth"] = np.where(known, self.log.reference[step], np.inf)
         return info
-
-
-def _blank(poses: Floats, unit: str) -> Any:
-    """Return a view of the area around poses, without a map."""
-    from deqmcl_gym.world.drawing import View
-
-    around = 50 * pixel(unit)
-    (x0, y0), (x1, y1) = poses[:, :2].min(axis=0) - around, poses[:, :2].max(axis=0) + around
-    ground = PolygonMap(((x0, y0), (x1, y0), (x1, y1), (x0, y1)), unit=unit)
-    return View(ground, scale=min(2.0, _SIDE * pixel(unit) / max(x1 - x0, y1 - y0)))

@@ -47,9 +47,8 @@ _ARRAYS = ("times", "odometry", "ranges", "reference", "scanner", "unit")
 def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
     """Read a log from CSV, gzipped or not; the scanner is needed if the file has none."""
     lines = text_of(path).splitlines()
-    at_head = itertools.takewhile(lambda line: line.startswith("#"), lines)
-    comments = [line[1:].strip() for line in at_head]
-    words, unit = (*comments, *(None, None)[len(comments) :])[:2]
+    comments = [*itertools.takewhile(lambda line: line.startswith("#"), lines)]
+    words, unit, *_ = [*(line[1:].strip() for line in comments), None, None]
     header, *rows = lines[len(comments) :] or [""]
     columns = _cells(header)
     first = _first_range(path, columns)
@@ -67,7 +66,7 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
             found.records.append(RawRecord(time, odometry, ranges, reference=truth))
         except ValueError:
             found.damage[UNREADABLE] += 1
-    return found.log(lambda beams, *_: _scanner(words, scanner, beams), unit=unit or "m")
+    return _log_of(found, words, unit, scanner)
 
 
 def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
@@ -91,40 +90,33 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
     missing = [name for name in ("times", "odometry", "ranges") if name not in known]
     if missing:
         raise InputError(f"{path} lacks the array {missing[0]!r}: it has {', '.join(there)}.")
-    times, odometry, ranges = (known.pop(name) for name in ("times", "odometry", "ranges"))
-    n = times.size
-    if (
-        any(given.dtype.kind not in "fiu" for given in (times, odometry, ranges))
-        or times.shape != (n,)
-        or odometry.shape != (n, 3)
-        or ranges.ndim != 2
-        or len(ranges) != n
-    ):
-        raise InputError(
-            f"{path} has times {times.shape}, odometry {odometry.shape} and ranges {ranges.shape}, "
-            "but they must be numbers of shape (n,), (n, 3) and (n, beams)."
-        )
-    reference = known.pop("reference", np.full((n, 3), np.nan))
-    if reference.shape != (n, 3) or reference.dtype.kind not in "fiu":
-        raise InputError(f"{path} has a reference {reference.shape}, but it must be {(n, 3)}.")
-    truth = [pose if np.isfinite(pose).all() else () for pose in reference.tolist()]
-    rows = zip(times.tolist(), odometry.tolist(), ranges, truth, strict=True)
+    n, beams = known["times"].size, known["ranges"].shape[1:2]
+    known = {"reference": np.full((n, 3), np.nan)} | known
+    for name, shape in {
+        "times": (n,), "odometry": (n, 3), "ranges": (n, *beams), "reference": (n, 3),
+    }.items():  # fmt: skip
+        if known[name].shape != shape or known[name].dtype.kind not in "fiu" or not beams:
+            raise InputError(
+                f"{path} has {name} of shape {known[name].shape} and type {known[name].dtype}, but "
+                "times must be numbers of shape (n,), odometry (n, 3), ranges (n, beams), and a "
+                "reference (n, 3)."
+            )
+    truth = [pose if np.isfinite(pose).all() else () for pose in known["reference"].tolist()]
+    columns = known["times"].tolist(), known["odometry"].tolist(), known["ranges"], truth
+    rows = zip(*columns, strict=True)
     records = [RawRecord(time, at, scan, reference=pose) for time, at, scan, pose in rows]
-    found = RawRecords(str(path), records)
     words, unit = (str(known[name]) if name in known else None for name in ("scanner", "unit"))
-    return found.log(lambda beams, *_: _scanner(words, scanner, beams), unit=unit or "m")
+    return _log_of(RawRecords(str(path), records), words, unit, scanner)
 
 
 def write_csv(log: Log, path: Path) -> None:
     """Write a log as CSV, all digits."""
-    names = [*_COLUMNS, *(_REFERENCE if log.reference is not None else ())]
-    names += [f"range_{beam}" for beam in range(log.scanner.beams)]
+    known = () if log.reference is None else _REFERENCE
+    names = [*_COLUMNS, *known, *(f"range_{beam}" for beam in range(log.scanner.beams))]
     lines = [f"# {log.scanner.json}", f"# {log.unit}", ",".join(names)]
     for record in log:
-        values: list[object] = [record.time, *record.odometry]
-        if log.reference is not None:
-            values += record.reference or ("", "", "")
-        lines.append(",".join(map(str, [*values, *record.ranges])))
+        pose = (record.reference or ("", "", "")) if known else ()
+        lines.append(",".join(map(str, [record.time, *record.odometry, *pose, *record.ranges])))
     save(path, ("\n".join(lines) + "\n").encode())
 
 
@@ -157,27 +149,32 @@ def _first_range(path: Path, columns: list[str]) -> int:
         raise InputError(
             f"{path} has {given} of the columns {', '.join(_REFERENCE)}: give all of them, or none."
         )
-    first = next((i for i, name in enumerate(columns) if name.startswith("range_")), None)
-    ranges = columns[first:] if first is not None else []
-    if not ranges or ranges != [f"range_{beam}" for beam in range(len(ranges))]:
+    first = len(columns) - sum(name.startswith("range_") for name in columns)
+    if not columns[first:] or columns[first:] != [
+        f"range_{i}" for i in range(len(columns) - first)
+    ]:
         raise InputError(f"{path} must end in the columns range_0, range_1, … in this order.")
-    return len(columns) - len(ranges)
+    return first
 
 
-def _scanner(words: str | None, given: Scanner | None, beams: int) -> Scanner:
-    """Return the scanner given, else that of the file."""
-    if given is None and words is None:
-        raise InputError(
-            "it does not contain its scanner: put it in the file, or read it with "
-            "scanner=Scanner(angles=…, max_range=…)."
-        )
-    scanner = given or Scanner.of_json("its scanner", words or "")
-    if scanner.beams != beams:
-        raise InputError(
-            f"it has {beams} ranges a record, but its scanner {scanner.beams} angles: give one for "
-            "each."
-        )
-    return scanner
+def _log_of(records: RawRecords, words: str | None, unit: str | None, given: Scanner | None) -> Log:
+    """Return records as a log of the scanner given, else of that of the file."""
+
+    def scanner_of(beams: int, *_: Any) -> Scanner:
+        if given is None and words is None:
+            raise InputError(
+                "it does not contain its scanner: put it in the file, or read it with "
+                "scanner=Scanner(angles=…, max_range=…)."
+            )
+        scanner = given or Scanner.of_json("its scanner", words or "")
+        if scanner.beams != beams:
+            raise InputError(
+                f"it has {beams} ranges a record, but its scanner {scanner.beams} angles: give one "
+                "for each."
+            )
+        return scanner
+
+    return records.log(scanner_of, unit=unit or "m")
 
 
 _TEXT = (".log", ".clf", ".carmen", ".txt")
@@ -266,31 +263,28 @@ def read(
             raise InputError(
                 f"{name} is given, but {files[0]} is of a format that does not take it."
             )
-    parts = files if "paths" in taken else files[0]
-    log = _changed(reader(parts, **given), max_range, min_range, mounting)
+    log = reader(files if "paths" in taken else files[0], **given)
+    scanner = _changed(log, max_range, min_range, mounting)
+    log = log if scanner is log.scanner else replace(log, scanner=scanner)
     return log if reference is None else referenced(log, reference, max_gap, reference_tolerance)
 
 
 def _reader_of(files: Sequence[Path]) -> Callable[..., Log]:
     """Return what reads all of some files."""
-    readers = []
-    for file in files:
-        reader = _READERS.get(_ending(file))
+    readers = [_READERS.get(_ending(file)) for file in files]
+    for file, reader in zip(files, readers, strict=True):
         if reader is None or (_ending(file) == "" and os.path.isfile(file)):
             raise InputError(
                 f"{file} is of an unknown format: the name of a log ends in {', '.join(_TEXT)} "
                 "(CARMEN; .gz may follow), .csv, .npz, .bag, .mcap or .db3, or is the folder of a "
                 "ROS 2 bag."
             )
-        readers.append(reader)
-    if len(files) > 1 and (
-        len(set(readers)) > 1 or "paths" not in signature(readers[0]).parameters
-    ):
+    if len(files) > 1 and {*readers} != {ros.read_bag}:
         raise InputError(
             f"{', '.join(map(str, files))} are {len(files)} files, but only bags have several "
             "parts, all of one kind: give one log."
         )
-    return readers[0]
+    return _READERS[_ending(files[0])]
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:
@@ -317,12 +311,8 @@ def _ending(path: Path) -> str:
     return suffixes[-1] if suffixes else ""
 
 
-def _changed(
-    log: Log,
-    max_range: float | None,
-    min_range: float | None,
-    mounting: tuple[float, float, float] | None,
-) -> Log:
+def _changed(log: Log, max_range: float | None, min_range: float | None, mounting: Any) -> Scanner:
+    """Return the scanner of a log with what is given."""
     scanner = log.scanner
     if max_range is not None:
         seen = number("max_range", max_range, low=0, above=True)
@@ -330,13 +320,13 @@ def _changed(
     if min_range is not None:
         near = number("min_range", min_range, low=0)
         scanner = replace(scanner, min_range=max(near, scanner.min_range))
-    if mounting is not None:
-        if scanner.mounts:
-            raise InputError(
-                f"mounting is given, but the scanner of {log.source} has mounts of its own: leave "
-                "it out, or change them in the log."
-            )
-        x, y, turn = array("mounting", mounting, (3,)).tolist()
-        angles = tuple((scanner.bearings - scanner.turn + turn).tolist())
-        scanner = replace(scanner, angles=angles, mounting=(x, y), turn=turn)
-    return log if scanner is log.scanner else replace(log, scanner=scanner)
+    if mounting is None:
+        return scanner
+    if scanner.mounts:
+        raise InputError(
+            f"mounting is given, but the scanner of {log.source} has mounts of its own: leave it "
+            "out, or change them in the log."
+        )
+    x, y, turn = array("mounting", mounting, (3,)).tolist()
+    angles = tuple((scanner.bearings - scanner.turn + turn).tolist())
+    return replace(scanner, angles=angles, mounting=(x, y), turn=turn)

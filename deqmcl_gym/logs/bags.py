@@ -6,49 +6,36 @@ composed with the odometry at the same time.
 
 import heapq
 import os
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from deqmcl_gym.files import names_of, opened_log
 from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.logs.odometry import JudgedOdometry
-from deqmcl_gym.logs.transforms import MAP_FRAME, ODOMETRY, PoseRows, Transforms, frame_name
+from deqmcl_gym.logs.transforms import (
+    MAP_FRAME,
+    ODOMETRY,
+    POSE_TYPES,
+    Frames,
+    PoseRows,
+    Sent,
+    Transforms,
+    frame_name,
+)
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError, like, tell
 
 SCAN = "sensor_msgs/msg/LaserScan"
-POSE_TYPES: dict[str, Callable[[Any], Any]] = {
-    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
-    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
-    ODOMETRY: lambda message: message.pose.pose,
-}
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _REMEDIES = {".mcap": "mcap recover", ".bag": "rosbag reindex"}
 _REINDEX = "ros2 bag reindex"
 _ESTIMATE = "/amcl_pose"  # of Nav2's AMCL
-
-
-class Sent(NamedTuple):
-    """A message of a bag."""
-
-    number: int  # in the order in which messages were received
-    received: float  # when, s
-    source: int  # number of its connection: one for each publisher, where the bag tells them apart
-    topic: str
-    kind: str
-    decoded: Callable[[], Any]  # returns it; damaged bytes can raise anything
-
-    @property
-    def row(self) -> list[float]:
-        """The first numbers of a row of ``PoseRows``."""
-        return [float(self.number), self.received, float(self.source)]
 
 
 @dataclass(frozen=True)
@@ -63,33 +50,24 @@ class Bag:
         """The type of each topic."""
         return {one.topic: one.msgtype for reader in self.readers for one in reader.connections}
 
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """The number of messages of each topic: of a driver that did not run, none."""
-        counts: Counter[str] = Counter()
-        for reader in self.readers:
-            for one in reader.connections:
-                counts[one.topic] += one.msgcount
-        return counts
-
     def messages(self, topics: set[str | None], kinds: Sequence[str] = ()) -> Iterator[Sent]:
         """Yield the messages of some topics, and of some types."""
-        parts = (self._part(part, topics, kinds) for part in range(len(self.readers)))
+
+        def received(reader: Any) -> Iterator[Sent]:
+            chosen = [c for c in reader.connections if c.topic in topics or c.msgtype in kinds]
+            publishers: dict[str, list[int]] = {}  # of each topic
+            messages = reader.messages(connections=chosen) if chosen else ()  # none is all to it
+            for connection, moment, raw in messages:
+                topic, kind = connection.topic, connection.msgtype
+                ids = publishers.setdefault(topic, [])
+                if connection.id not in ids:
+                    ids.append(connection.id)
+                decoded = partial(reader.deserialize, raw, kind)
+                yield Sent(0, moment / 1e9, ids.index(connection.id), topic, kind, decoded)
+
+        parts = map(received, self.readers)
         for number, sent in enumerate(heapq.merge(*parts, key=lambda one: one.received)):
             yield sent._replace(number=number)
-
-    def _part(self, part: int, topics: set[str | None], kinds: Sequence[str]) -> Iterator[Sent]:
-        """Yield the messages of a part; their numbers are none yet."""
-        reader = self.readers[part]
-        chosen = [one for one in reader.connections if one.topic in topics or one.msgtype in kinds]
-        ranks: dict[str, list[int]] = {}  # of a publisher among those of its topic
-        for connection, received, raw in reader.messages(connections=chosen):
-            topic, kind = connection.topic, connection.msgtype
-            known = ranks.setdefault(topic, [])
-            if connection.id not in known:
-                known.append(connection.id)
-            decoded = partial(reader.deserialize, raw, kind)
-            yield Sent(0, received / 1e9, known.index(connection.id), topic, kind, decoded)
 
     def topic(
         self,
@@ -106,7 +84,8 @@ class Bag:
         ``argument`` is what users choose it by.
         """
         fitting = sorted(topic for topic, kind in self.topics.items() if kind in types)
-        fitting = [topic for topic in fitting if self.counts[topic]] or fitting
+        sent = {c.topic for reader in self.readers for c in reader.connections if c.msgcount}
+        fitting = [topic for topic in fitting if topic in sent] or fitting  # their driver ran
         listed = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(self.topics.items()))
         if asked is not None:
             if self.topics.get(asked) in types:
@@ -173,24 +152,6 @@ def _reader(path: Path) -> Any:
     return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
 
 
-def row_of(sent: Sent, message: Any) -> list[float]:
-    """Return the row of ``PoseRows`` of a message of ``POSE_TYPES``."""
-    pose = POSE_TYPES[sent.kind](message)
-    at, turned = pose.position, pose.orientation
-    stamp = seconds_of(message.header.stamp)
-    return [*sent.row, stamp, at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
-
-
-def frame_of_header(message: Any) -> str:
-    """Return the frame in a message's header."""
-    return frame_name(message.header.frame_id)
-
-
-def seconds_of(stamp: Any) -> float:
-    """Return a stamp in s."""
-    return (int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)) / 1e9
-
-
 def warn_of_frames(name: str, topic: str | None, frames: set[str]) -> None:
     """Warn of poses that are not in the map's frame, as the headers of their messages say."""
     if other := sorted(frames - {"", MAP_FRAME}):
@@ -203,17 +164,16 @@ def warn_of_frames(name: str, topic: str | None, frames: set[str]) -> None:
 
 def poses_of_topic(path: Path, topic: str | None) -> tuple[Floats, Floats | None]:
     """Return rows t, x, y, θ that a stack has published in a bag, and covariances if any."""
+    poses, spreads = PoseRows(), list[Any]()
     with opened_bag([path]) as bag:
         chosen = _chosen(bag, topic)
-        if bag.topics.get(chosen) in TRANSFORMS:
+        if bag.topics[chosen] in TRANSFORMS:
             return _composed(bag, chosen), None
-        poses, spreads, frames = PoseRows(), [], set()
         for sent in bag.messages({chosen}):
             message = sent.decoded()
-            poses.rows.append(row_of(sent, message))
-            frames.add(frame_of_header(message))
+            poses.add(sent, message)
             spreads.append(getattr(message.pose, "covariance", np.zeros(36)))
-    warn_of_frames(str(path), chosen, frames)
+    warn_of_frames(str(path), chosen, poses.frames)
     moments = np.array(spreads, np.float64).reshape(-1, 6, 6)[:, [[0], [1], [5]], [0, 1, 5]]
     moments[(moments == 0).all(axis=(1, 2))] = np.nan
     known = np.isfinite(moments).all(axis=(1, 2)).any()
@@ -222,61 +182,52 @@ def poses_of_topic(path: Path, topic: str | None) -> tuple[Floats, Floats | None
 
 def _chosen(bag: Bag, asked: str | None) -> str:
     """Return the topic of poses asked for, or the one that a stack's pose is on."""
-    if asked is None and _ESTIMATE in bag.topics:
-        return _ESTIMATE
-    kinds: Sequence[str] = (*POSE_TYPES, *TRANSFORMS)
+    kinds = [*POSE_TYPES, *TRANSFORMS]
     if asked is None:
+        if _ESTIMATE in bag.topics:
+            return _ESTIMATE
         estimates = [kind for kind in POSE_TYPES if kind != ODOMETRY]
         if any(kind in estimates for kind in bag.topics.values()):
             kinds = estimates
         else:
-            moving = [topic for topic, kind in bag.topics.items() if kind in TRANSFORMS]
-            for topic in sorted(moving):
-                if _transforms_of(bag, topic)[0]:
+            for topic in sorted(topic for topic, kind in bag.topics.items() if kind in TRANSFORMS):
+                if _frames_of(bag, topic).in_map:
                     return topic
     chosen = bag.topic(kinds, "the topic in FILE:TOPIC", asked)
     assert chosen is not None  # as it is needed
     return chosen
 
 
-def _transforms_of(bag: Bag, topic: str) -> tuple[dict[str, PoseRows], Transforms]:
-    """Return what moves in the map by a topic of transforms, by frame, and all transforms."""
-    moved: dict[str, PoseRows] = {}
+def _frames_of(bag: Bag, topic: str) -> Frames:
+    """Return the frames of the robot that a topic is of."""
     transforms = Transforms()
     for sent in bag.messages(set(), TRANSFORMS):
-        for one in sent.decoded().transforms:
-            transforms.add(sent.topic, [*sent.row, seconds_of(one.header.stamp)], one)
-    for (parent, child), rows in transforms.of(topic).edges.items():
-        if parent.rpartition("/")[2] == MAP_FRAME and rows.rows:
-            moved[child] = rows
-    return moved, transforms
+        transforms.add(sent, sent.decoded())
+    return transforms.of(topic)
 
 
 def _composed(bag: Bag, topic: str) -> Floats:
     """Return rows t, x, y, θ of the robot in the map, (n, 4), by a topic of transforms."""
-    moved, transforms = _transforms_of(bag, topic)
-    if len(moved) != 1:
+    frames = _frames_of(bag, topic)
+    if len(frames.in_map) != 1:
         raise InputError(
-            f"{bag.name}:{topic} has transforms from {MAP_FRAME} to {len(moved)} frames, "
+            f"{bag.name}:{topic} has transforms from {MAP_FRAME} to {len(frames.in_map)} frames, "
             "but must have one, as odom: give a topic of poses."
         )
-    ((child, rows),) = moved.items()
-    there, frames = rows.poses, transforms.of(topic)
-    odometry = PoseRows()
+    ((child, rows),) = frames.in_map.items()
+    there, odometry = rows.poses, PoseRows()
     if any(parent == child for parent, _ in frames.moving):
         _, odometry = frames.odometry(bag.name, None, child, "")
     elif ODOMETRY in bag.topics.values():
         for sent in bag.messages({bag.topic((ODOMETRY,), "odometry_topic", None, beside=topic)}):
             message = sent.decoded()
-            if frame_of_header(message) in (child, ""):
-                odometry.rows.append(row_of(sent, message))
+            if frame_name(message.header.frame_id) in (child, ""):
+                odometry.add(sent, message)
     if not odometry.rows:
         return there  # the robot itself
     table = odometry.table
     judged = JudgedOdometry.of(table[:, 0], table[:, 1], odometry.poses, "m")
-    found = [
-        judged.at(number, time) for number, time in zip(rows.table[:, 0], there[:, 0], strict=True)
-    ]
+    found = [judged.at(*moment) for moment in zip(rows.table[:, 0], there[:, 0], strict=True)]
     known = np.array([one is not None for one in found])
     here = np.array([one[1] for one in found if one is not None]).reshape(-1, 3)
     return np.column_stack([there[known, 0], composed(there[known, 1:], here)])

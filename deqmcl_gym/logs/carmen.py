@@ -15,7 +15,6 @@ logs that former versions wrote have ``PARAM deqmcl_scanner``, with all digits o
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -58,10 +57,8 @@ class _Messages:
         kind, *words = line.split()
         self.lines += 1
         try:
-            if kind == "FLASER":
-                self._front_laser(words)
-            elif kind in ("ROBOTLASER1", "RAWLASER1"):
-                self._laser(kind, words)
+            if kind in SCAN_KINDS:
+                self._scan(kind, words)
             elif kind == "ODOM":
                 self.odometry.append([self.lines, *numbers_of([words[6], *words[:3]])])
             elif kind == "PARAM":
@@ -76,24 +73,24 @@ class _Messages:
         except (ValueError, IndexError):
             self.unreadable += 1
 
-    def _front_laser(self, words: list[str]) -> None:
-        n = int(words[0])
-        if n < 1 or len(words) - n not in (9, 10):
+    def _scan(self, kind: str, words: list[str]) -> None:
+        """Read a scan: its fan, n, its ranges, perhaps m, remissions, poses, a time."""
+        first, poses = {"FLASER": (1, 6), "ROBOTLASER1": (8, 11), "RAWLASER1": (8, 0)}[kind]
+        n = int(words[first - 1])
+        remissions = int(words[first + n]) if first > 1 else -1
+        after = first + n + 1 + remissions
+        if n < 1 or (first > 1 and remissions < 0) or len(words) - after - poses not in (2, 3):
             raise ValueError("another number of words")
-        ranges, rest = numbers_of(words[1 : 1 + n]), numbers_of(words[1 + n : 8 + n])
-        self.scans["FLASER"].records.append(RawRecord(rest[6], rest[3:6], ranges))
-
-    def _laser(self, kind: str, words: list[str]) -> None:
-        n = int(words[7])
-        m, more = int(words[8 + n]), 11 if kind == "ROBOTLASER1" else 0
-        if n < 1 or m < 0 or len(words) - n - m not in (11 + more, 12 + more):
-            raise ValueError("another number of words")
-        *poses, stamp = numbers_of(words[9 + n + m : 10 + n + m + more])
-        ranges, fan = numbers_of(words[8 : 8 + n]), _fan(words)
-        record = RawRecord(stamp, poses[3:6] or (0, 0, 0), ranges, fan, number=self.lines)
+        ranges = numbers_of(words[first : first + n])
+        *places, stamp = numbers_of(words[after : after + poses + 1])
+        fan = None
+        if first > 1:
+            _, start, _, step, farthest, *_ = numbers_of(words[:7])
+            fan = Fan(start, step, 0.0, min(farthest, SICK_RANGE))
+        record = RawRecord(stamp, places[3:6] or (0, 0, 0), ranges, fan, number=self.lines)
         self.scans[kind].records.append(record)
-        if poses:
-            self.mounts.append(poses[:6])
+        if kind == "ROBOTLASER1":
+            self.mounts.append(places[:6])
 
     def records(self, kind: str, field_of_view: float | None) -> RawRecords:
         """Return the records of a kind of scan, with all that other messages say of them."""
@@ -113,30 +110,26 @@ class _Messages:
             told = math.radians(self._param("laser_front_laser_fov", math.nan))
             if field_of_view is None and _NARROWEST <= told <= 2 * math.pi:
                 field_of_view = told
-            farthest = min(self._param("robot_front_laser_max", SICK_RANGE), SICK_RANGE)
-            farthest = farthest if farthest > 0 else SICK_RANGE
-            records.records = [
-                record._replace(
-                    fan=Fan(*self._angles(len(record.ranges), field_of_view), 0.0, farthest)
-                )
-                for record in records.records
-            ]
             sizes = Counter(len(record.ranges) for record in records.records)
-            if field_of_view is None and (beams := sizes.most_common(1)[0][0]) not in _SICK:
+            fans = {beams: self._fan(beams, field_of_view) for beams in sizes}
+            records.records = [r._replace(fan=fans[len(r.ranges)]) for r in records.records]
+            usual = max(sizes, key=lambda beams: sizes[beams], default=_SICK[0])
+            if field_of_view is None and usual not in _SICK:
                 tell(
-                    f"{records.source}: FLASER lines do not say their angles: {beams} beams are "
+                    f"{records.source}: FLASER lines do not say their angles: {usual} beams are "
                     "taken as those of a SICK LMS, from -90° to 90°; for another lidar give "
                     f"field_of_view in rad{like('field_of_view', 4.712)} for 270°."
                 )
         return records
 
-    def _angles(self, beams: int, field_of_view: float | None) -> tuple[float, float]:
-        """Return the first angle and the increment of FLASER, rad."""
+    def _fan(self, beams: int, field_of_view: float | None) -> Fan:
+        """Return the fan of FLASER."""
         view = math.pi if field_of_view is None else field_of_view
         step = math.radians(self._param("laser_front_laser_resolution", math.nan))
         if field_of_view is None or not (step > 0 and abs(step * beams - view) < 2 * step):
             step = view / max(beams - beams % 2, 1)
-        return -view / 2, step
+        farthest = min(self._param("robot_front_laser_max", SICK_RANGE), SICK_RANGE)
+        return Fan(-view / 2, step, 0.0, farthest if farthest > 0 else SICK_RANGE)
 
     def scanner(self, beams: int, kind: str, fan: Fan | None) -> Scanner:
         """Return the scanner of a kind of message with the usual angles and limits."""
@@ -168,8 +161,7 @@ class _Messages:
             return [math.nan] * 3
         off = offsets - offsets[0]
         off[:, 2] = arrays.wrapped(off[:, 2])  # a turn of π may also read -π
-        middle: list[float] = (np.round(offsets[0] + np.median(off, axis=0), 3) + 0.0).tolist()
-        return middle
+        return list((np.round(offsets[0] + np.median(off, axis=0), 3) + 0.0).tolist())
 
     def _param(self, name: str, default: float) -> float:
         try:
@@ -196,12 +188,6 @@ def read_carmen(
     records = messages.records(kind, field_of_view)
     log = records.log(lambda beams, _, fan: messages.scanner(beams, kind, fan), unit=messages.unit)
     return with_own_reference(log, messages.truth, max_gap, reference_tolerance)
-
-
-def _fan(words: Sequence[str]) -> Fan:
-    """Return the fan of ROBOTLASER1 and RAWLASER1: type, start, fov, step, max_range, …."""
-    _, start, _, step, farthest, *_ = numbers_of(list(words[:7]))
-    return Fan(start, step, 0.0, min(farthest, SICK_RANGE))
 
 
 def _kind(name: str, messages: _Messages, asked: str | None) -> str:

@@ -57,21 +57,6 @@ class Scanner(Lidar):
         number("scanner.min_range", self.min_range, low=0, high=self.max_range)
 
     @classmethod
-    def of_lidar(cls, lidar: Lidar) -> "Scanner":
-        """Return the scanner of a simulated robot."""
-        return cls(
-            angles=tuple(lidar.bearings),
-            max_range=float(lidar.max_range),
-            sigma=lidar.sigma,
-            mounting=lidar.mounting,
-            mounts=tuple(
-                replace(one, beams=rows.stop - rows.start)
-                for one, rows in zip(lidar.mounts, lidar.rows, strict=False)
-            ),
-            min_range=lidar.min_range,
-        )
-
-    @classmethod
     def of_json(cls, what: str, text: str) -> "Scanner":
         """Return the scanner that :attr:`json` describes; ``what`` names the text in messages."""
         try:
@@ -131,10 +116,9 @@ class Scanner(Lidar):
         kept = np.rint(np.linspace(*ends, max_beams)).astype(int).tolist()
         angles = tuple(self.angles[i] for i in kept)
         left = [sum(rows.start <= i < rows.stop for i in kept) for rows in self.rows]
-        mounts = zip(self.mounts, left, strict=False)
-        return replace(
-            self, angles=angles, mounts=tuple(replace(one, beams=n) for one, n in mounts if n)
-        ), kept
+        pairs = zip(self.mounts, left, strict=False)
+        mounts = tuple(replace(mount, beams=n) for mount, n in pairs if n)
+        return replace(self, angles=angles, mounts=mounts), kept
 
 
 def ascending_times(source: str, what: str, given: ArrayLike) -> Floats:
@@ -222,10 +206,19 @@ class Log:
         true poses, (T + 1, 3).
         """
         odometry = dead_reckoned(actions)
-        scanner = lidar if isinstance(lidar, Scanner) else Scanner.of_lidar(lidar)
+        if not isinstance(lidar, Scanner):
+            mounts = zip(lidar.mounts, lidar.rows, strict=False)
+            lidar = Scanner(
+                angles=tuple(lidar.bearings),
+                max_range=float(lidar.max_range),
+                sigma=lidar.sigma,
+                mounting=lidar.mounting,
+                mounts=tuple(replace(each, beams=r.stop - r.start) for each, r in mounts),
+                min_range=lidar.min_range,
+            )
         times = np.round(np.arange(len(odometry)) * step, 9)
         reference = None if truth is None else np.asarray(truth, dtype=np.float64)
-        return cls(scanner, times, odometry, np.asarray(scans), reference, unit, source="episode")
+        return cls(lidar, times, odometry, np.asarray(scans), reference, unit, source="episode")
 
     def __len__(self) -> int:
         """Return the number of records."""
@@ -255,10 +248,9 @@ class Log:
             "of the ranges without a return",
         ]
         if self.reference is not None:
-            between = 0 if self.interpolated is None else int(self.interpolated.sum())
-            said = f", {between:,} of them interpolated" if between else ""
-            known = f"{self.referenced.size:,} of {len(self):,} records"
-            lines.append(f"reference: at {known}{said}")
+            known, between = self.referenced.size, self.referenced.size - self.posed.size
+            more = f", {between:,} of them interpolated" if between else ""
+            lines.append(f"reference: at {known:,} of {len(self):,} records{more}")
         if self.skipped:
             lines.append(said_of_skipped(self.skipped, len(self)))
         return "\n".join(lines)
@@ -284,6 +276,12 @@ class Log:
             return np.empty(0, np.intp)
         return np.flatnonzero(np.isfinite(self.reference[:, 0]))
 
+    @property
+    def posed(self) -> Indices:
+        """Indices of the records with a reference pose of their own time, none interpolated."""
+        at = self.referenced
+        return at if self.interpolated is None else at[~self.interpolated[at]]
+
     def segment(self, start: int = 0, length: int | None = None) -> "Log":
         """Return ``length`` records from index ``start`` on; None is all that follow."""
         first = integer("start", start, low=0, high=len(self) - 1)
@@ -299,8 +297,7 @@ class Log:
         """
         far = number("the distance of every", distance, low=0, finite=False)
         turned = number("the angle of every", angle, low=0, finite=False)
-        poses = self.odometry.tolist()
-        kept = [0]
+        poses, kept = self.odometry.tolist(), [0]
         for index, pose in enumerate(poses[1:], 1):
             if has_moved(poses[kept[-1]], pose, far, turned):
                 kept.append(index)
@@ -327,22 +324,16 @@ class Log:
         """Distance driven up to each record by odometry, plus 1 m for each radian turned, (n,)."""
         per_turn = 1 / PIXELS["m"] * PIXELS[self.unit]
         turned = np.abs(arrays.wrapped(np.diff(self.odometry[:, 2])))
-        return _sums(lengths_of(self.increments) + per_turn * turned)
+        return np.append(0.0, np.cumsum(lengths_of(self.increments) + per_turn * turned))
 
     @cached_property
     def driven(self) -> Floats:
         """Distance driven up to each record, by odometry, (n,)."""
-        return _sums(lengths_of(self.increments))
-
-
-def _sums(steps: Floats) -> Floats:
-    return np.concatenate([[0.0], np.cumsum(steps)])
+        return np.append(0.0, np.cumsum(lengths_of(self.increments)))
 
 
 def said_of_skipped(skipped: Mapping[str, int], kept: int) -> str:
     """Return the sentence on records left out, by reason, the most frequent first."""
-    total = sum(skipped.values())
-    reasons = ", ".join(
-        f"{count:,} {reason}" for reason, count in sorted(skipped.items(), key=lambda one: -one[1])
-    )
-    return f"skipped {total:,} of {total + kept:,} records: {reasons}"
+    total, reasons = sum(skipped.values()), sorted(skipped.items(), key=lambda item: -item[1])
+    listed = ", ".join(f"{count:,} {reason}" for reason, count in reasons)
+    return f"skipped {total:,} of {total + kept:,} records: {listed}"

@@ -32,6 +32,8 @@ _APART = 2.5  # px (0.05 m): of such a step at least
 _ORIGIN = 0.1  # of the slack: how near to (0, 0, 0) a driver begins
 _NOTHING = np.zeros((1, 3))
 
+Limit = tuple[float, float]  # of a length and of an angle
+
 
 class Taken(enum.Enum):
     """What became of a message."""
@@ -98,9 +100,8 @@ class Odometry:
 
     def __init__(self, unit: str = "m", fastest: tuple[float, float] | None = None) -> None:
         """Begin without a message; steps above ``fastest``, per s and rad/s, are jumps."""
-        size = pixel(unit)
-        self._fastest = (FASTEST[0] * size, FASTEST[1]) if fastest is None else fastest
-        self._slack = SLACK[0] * size, SLACK[1]
+        usual, slack = _limits(unit)
+        self._limits = fastest or usual, slack
         self.stretch, self.jumps = Stretch(), 0
         self._raw: Pose | None = None  # the latest as it came
         self._older: tuple[float, Pose] | None = None  # the message before, if far too old
@@ -124,18 +125,18 @@ class Odometry:
                 self._older = (time, raw)
             if older is None or self._older is None or time <= older[0]:
                 return Taken.LATE
-            taken, last = Taken.RESET, self.stretch
-            self.stretch = Stretch()
-            jumped = self._jumped(0.0, older[1])
-            self._keep(*older, frame_of(last.poses[-1], older[1]) if jumped else last.frames[-1])
-        self._older = None
-        last = self.stretch
-        if self._jumped(time - last.times[-1], raw):
-            self.jumps += 1
-            self._keep(time, raw, frame_of(last.poses[-1], raw))
-        else:
-            self._keep(time, raw, last.frames[-1])
+            taken, before, self.stretch = Taken.RESET, self.stretch, Stretch()
+            self._follow(*older, before, 0.0)
+        self._older, last = None, self.stretch
+        self.jumps += self._follow(time, raw, last, time - last.times[-1])
         return taken
+
+    def _follow(self, time: float, raw: Pose, last: Stretch, seconds: float) -> bool:
+        """Keep a pose so long after the last one of a stretch; return whether it is a jump."""
+        assert self._raw is not None
+        jumped = _jumps(self._raw, raw, seconds, *self._limits)
+        self._keep(time, raw, frame_of(last.poses[-1], raw) if jumped else last.frames[-1])
+        return jumped
 
     def _keep(self, time: float, raw: Pose, frame: Pose | None) -> None:
         here = raw if frame is None else one_pose(composed(np.array([frame]), np.array(raw)))
@@ -144,14 +145,14 @@ class Odometry:
         self.stretch.poses.append(here)
         self.stretch.frames.append(frame)
 
-    def _jumped(self, seconds: float, raw: Pose) -> bool:
-        assert self._raw is not None
-        return _jumps(self._raw, raw, seconds, self._fastest, self._slack)
+
+def _limits(unit: str) -> tuple[Limit, Limit]:
+    """Return the fastest that a robot drives, and the slack of a step, in a unit of length."""
+    size = pixel(unit)
+    return (FASTEST[0] * size, FASTEST[1]), (SLACK[0] * size, SLACK[1])
 
 
-def _jumps(
-    last: Pose, pose: Pose, seconds: float, fastest: tuple[float, float], slack: tuple[float, float]
-) -> bool:
+def _jumps(last: Pose, pose: Pose, seconds: float, fastest: Limit, slack: Limit) -> bool:
     """Whether no robot drives so, or a driver begins anew at (0, 0, 0), maybe after a pause."""
     (far, turned), (along, turn) = fastest, slack
     if has_moved(last, pose, far * seconds + along, turned * seconds + turn):
@@ -199,9 +200,9 @@ class JudgedOdometry:
     def at(self, number: float, time: float) -> tuple[float, Pose] | None:
         """Return the time, shifted, and the pose of a message of this number and stamp, or None."""
         last = bisect.bisect_right(self.begins, number) - 1
-        for one in (last, last - 1):
-            if one >= 0 and (pose := self.stretches[one].at(time)) is not None:
-                return time + self.shifts[one], pose
+        for at in range(last, max(last - 2, -1), -1):
+            if (pose := self.stretches[at].at(time)) is not None:
+                return time + self.shifts[at], pose
         return None
 
     def shifted(self, numbers: Floats, times: Floats) -> Floats:
@@ -242,10 +243,8 @@ def frame_of(there: Pose, raw: Pose) -> Pose:
 
 def jumps_in(times: Floats, poses: Floats, unit: str) -> Bools:
     """Return which steps between poses (n, 3) at times (n,) no robot drives, (n - 1,)."""
-    size = pixel(unit)
-    fastest, slack = (FASTEST[0] * size, FASTEST[1]), (SLACK[0] * size, SLACK[1])
     steps = zip(pairwise(map(tuple, poses.tolist())), np.diff(times).tolist(), strict=True)
-    return np.array([_jumps(*pair, seconds, fastest, slack) for pair, seconds in steps], np.bool_)
+    return np.array([_jumps(*pair, seconds, *_limits(unit)) for pair, seconds in steps], np.bool_)
 
 
 def without_jumps(times: Floats, poses: Floats, unit: str) -> tuple[Floats, int]:
@@ -320,8 +319,8 @@ def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> lis
     return sorted((np.flatnonzero(own == one) for one in (0, 1)), key=len, reverse=True)
 
 
-def publisher_words(times: Floats, poses: Floats) -> str:
-    """Say how often a publisher's messages come, and how far it says that the robot went."""
-    rate = 1 / max(float(np.median(np.diff(times))), 1e-9)
-    steps = increments_of(poses)
+def publisher_words(rows: Floats) -> str:
+    """Say how often messages t, x, y, θ come, and how far they say that the robot went."""
+    rate = 1 / max(float(np.median(np.diff(rows[:, 0]))), 1e-9)
+    steps = increments_of(rows[:, 1:])
     return f"{rate:.3g} Hz, {np.hypot(steps[:, 0], steps[:, 1]).sum():.1f} m"

@@ -12,21 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from deqmcl_gym.logs import odometry, scans
 from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
 from deqmcl_gym.logs.motion import nearest_in_time, relative
-from deqmcl_gym.logs.odometry import (
-    JudgedOdometry,
-    clock_shifts,
-    remarks_of,
-    without_jumps,
-)
-from deqmcl_gym.logs.scans import (
-    Fan,
-    at_usual_bearings,
-    dropped_words,
-    no_return_codes,
-    usual_fan,
-)
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
 from deqmcl_gym.validation import LARGEST, InputError, tell
 
@@ -47,7 +35,7 @@ class RawRecord(NamedTuple):
     time: float
     odometry: Sequence[float]
     ranges: Sequence[float]
-    fan: Fan | None = None
+    fan: scans.Fan | None = None
     frame: str = ""  # of the scan, "" for none
     reference: Sequence[float] = ()
     number: int = 0  # of its message, as those of the odometry are counted
@@ -67,11 +55,11 @@ class RawRecords:
         """The time of each record, s."""
         return [record.time for record in self.records]
 
-    def with_odometry(self, odometry: JudgedOdometry) -> "RawRecords":
+    def with_odometry(self, moved: odometry.JudgedOdometry) -> "RawRecords":
         """Return the records with the odometry at their times, of those that have one."""
         known, last = [], None
         for record in self.records:
-            placed = odometry.at(record.number, record.time)
+            placed = moved.at(record.number, record.time)
             if placed is None:
                 self.damage[NO_ODOMETRY] += 1
             elif record.time == last:
@@ -82,60 +70,58 @@ class RawRecords:
             last = record.time
         return replace(self, records=known, judged=True)
 
-    def log(self, scanner_of: Callable[[int, str, Fan | None], Scanner], *, unit: str = "m") -> Log:
+    def log(
+        self, scanner_of: Callable[[int, str, scans.Fan | None], Scanner], *, unit: str = "m"
+    ) -> Log:
         """Return the sound records as a log; warn of the others, and of all that is not as usual.
 
         The scanner has the usual beams and limits of the scans, and is made by
         ``scanner_of(beams, frame, fan)``; scans with other angles are resampled.
         """
-        records = self.records
-        times = np.array(self.times)
-        poses = np.array([record.odometry for record in records]).reshape(-1, 3)
-        kept, resets, remarks = np.arange(times.size), 0, list[str | None]()
-        if kept.size:
-            ((frame, _), *_) = Counter(record.frame for record in records).most_common(1)
-            framed = np.array([record.frame == frame for record in records])
-            kept = self._without(kept, framed, OTHER_FRAME)
-            fans = (record.fan for record in records)
-            aimed = np.array([fan is None or all(map(math.isfinite, fan[:2])) for fan in fans])
-            kept = self._without(kept, aimed[kept], NO_ANGLES)
-            sound = usable(np.column_stack([times, poses]))
-            kept = self._without(kept, sound[kept], NOT_FINITE)
-            if not self.judged:
-                shifts = clock_shifts(times[kept])
-                times[kept] += shifts
-                resets = int(np.count_nonzero(np.diff(shifts)))
-            kept = kept[ascending(times[kept], self.damage)]
-        if not kept.size:
+        records, frame, resets = self.records, "", 0
+        if records:
+            ((frame, _),) = Counter(record.frame for record in records).most_common(1)
+        for reason, passes in (
+            (OTHER_FRAME, lambda record: record.frame == frame),
+            (NO_ANGLES, lambda record: record.fan is None or np.isfinite(record.fan[:2]).all()),
+            (NOT_FINITE, lambda r: all(abs(number) <= LARGEST for number in (r.time, *r.odometry))),
+        ):
+            left = [record for record in records if passes(record)]
+            if len(left) < len(records):
+                self.damage[reason] += len(records) - len(left)
+            records = left
+        times = np.array([record.time for record in records])
+        if not self.judged:
+            shifts = odometry.clock_shifts(times)
+            times, resets = times + shifts, int(np.count_nonzero(np.diff(shifts)))
+        order = ascending(times, self.damage)
+        if not order.size:
             why = f" ({said_of_skipped(self.damage, 0)})" if self.damage else ""
             raise InputError(f"{self.source} has no usable record{why}.")
-        if self.damage:
-            remarks.append(said_of_skipped(self.damage, kept.size))
+        times, records = times[order], [records[index] for index in order]
+        poses = np.array([record.odometry for record in records], dtype=np.float64)
+        remarks = [said_of_skipped(self.damage, order.size)] if self.damage else []
         if not self.judged:
-            poses[kept], jumps = without_jumps(times[kept], poses[kept], unit)
-            remarks += remarks_of(resets, jumps)
+            poses, jumps = odometry.without_jumps(times, poses, unit)
+            remarks += odometry.remarks_of(resets, jumps)
         try:
-            scanner, ranges, varying = self._seen(kept, frame, scanner_of)
+            scanner, ranges, varying = _seen(records, frame, scanner_of)
         except InputError as error:
             self._tell(remarks)
             raise InputError(f"{self.source}: {error}") from None
-        large, small = no_return_codes(ranges)
+        large, small = scans.no_return_codes(ranges)
         for code in (*large, *small):
             share = np.mean(ranges == np.float32(code))
             remarks.append(
                 f"{share:.1%} of the ranges read exactly {np.float32(code)}, the "
                 f"{'largest' if code in large else 'smallest'} of many: taken as no return"
             )
-        scanner = replace(
-            scanner,
-            max_range=min([scanner.max_range, *large]),
-            min_range=max([scanner.min_range, *small]),
-        )
+        limits = max([scanner.min_range, *small]), min([scanner.max_range, *large])
+        scanner = replace(scanner, min_range=limits[0], max_range=limits[1])
         ranges = scanner.measured(ranges) if large or small else ranges
-        limits = scanner.min_range, scanner.max_range
-        self._tell([*remarks, varying, dropped_words(ranges, limits, unit)])
+        self._tell([*remarks, varying, scans.dropped_words(ranges, limits, unit)])
         log = Log(
-            scanner, times[kept], poses[kept], ranges, self._reference(kept), unit,
+            scanner, times, poses, ranges, self._reference(records), unit,
             skipped=dict(self.damage), source=self.source,
         )  # fmt: skip
         warn_of_few(log, self.source)
@@ -145,37 +131,31 @@ class RawRecords:
         for remark in filter(None, remarks):
             tell(f"{self.source}: {remark}.")
 
-    def _seen(
-        self, kept: Indices, frame: str, scanner_of: Callable[[int, str, Fan | None], Scanner]
-    ) -> tuple[Scanner, Singles, str | None]:
-        """Return the scanner, its ranges, (n, beams), and what is to be told of varying scans."""
-        scans = [self.records[index].ranges for index in kept]
-        fans = [fan for index in kept if (fan := self.records[index].fan) is not None]
-        if not fans:
-            scanner = scanner_of(len(scans[0]), frame, None)
-            return scanner, scanner.measured(np.array(scans)), None
-        beams, usual = usual_fan(list(map(len, scans)), fans)
-        scanner = scanner_of(beams, frame, usual)
-        return scanner, *at_usual_bearings(scans, fans, beams, usual, scanner.max_range)
-
-    def _reference(self, kept: Indices) -> Floats | None:
-        """Return the true poses of the records kept, (n, 3); NaN where none is sound."""
-        if not any(len(record.reference) for record in self.records):
-            return None
-        given = [self.records[index].reference or (np.nan,) * 3 for index in kept]
-        poses = np.array(given, dtype=np.float64).reshape(-1, 3)
+    def _reference(self, records: Sequence[RawRecord]) -> Floats | None:
+        """Return the true poses of records, (n, 3); NaN where none is sound."""
+        given = [len(record.reference) > 0 for record in records]
+        poses = np.array([record.reference or (np.nan,) * 3 for record in records], np.float64)
         poses[~usable(poses)] = np.nan
         known = int(np.isfinite(poses[:, 0]).sum())
-        if bad := sum(len(self.records[index].reference) > 0 for index in kept) - known:
-            said = f"{bad:,} reference poses left out: not finite or beyond {LARGEST:g}"
-            tell(f"{self.source}: {said}.")
+        if bad := sum(given) - known:
+            self._tell([f"{bad:,} reference poses left out: not finite or beyond {LARGEST:g}"])
         return poses if known else None
 
-    def _without(self, kept: Indices, sound: Bools, reason: str) -> Indices:
-        if lost := int((~sound).sum()):
-            self.damage[reason] += lost
-        left: Indices = kept[sound]
-        return left
+
+def _seen(
+    records: Sequence[RawRecord],
+    frame: str,
+    scanner_of: Callable[[int, str, scans.Fan | None], Scanner],
+) -> tuple[Scanner, Singles, str | None]:
+    """Return the scanner, its ranges, (n, beams), and what is to be told of varying scans."""
+    ranges = [record.ranges for record in records]
+    fans = [record.fan for record in records if record.fan is not None]
+    if not fans:
+        scanner = scanner_of(len(ranges[0]), frame, None)
+        return scanner, scanner.measured(np.array(ranges)), None
+    beams, usual = scans.usual_fan(list(map(len, ranges)), fans)
+    scanner = scanner_of(beams, frame, usual)
+    return scanner, *scans.at_usual_bearings(ranges, fans, beams, usual, scanner.max_range)
 
 
 def warn_of_few(log: Log, reference: str) -> None:
@@ -234,16 +214,12 @@ def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX
     scan is in two records. Records without such a scan are left out and counted.
     """
     slowest = min(scanned, key=lambda topic: len(scanned[topic]))
-    base = scanned[slowest]
-    partner = {
-        topic: np.arange(len(base)) if topic == slowest else _partners(base, log, max_apart)
-        for topic, log in scanned.items()
-    }
-    whole = np.all([found >= 0 for found in partner.values()], axis=0)
-    skipped = Counter(base.skipped)
+    base, unpaired = scanned[slowest], Counter[str]()
+    partner = {topic: _partners(base, log, max_apart) for topic, log in scanned.items()}
     for topic, found in partner.items():
         if lost := int((found < 0).sum()):
-            skipped[f"without a scan of {topic} within {max_apart:g} s"] += lost
+            unpaired[f"without a scan of {topic} within {max_apart:g} s"] += lost
+    whole = np.all([found >= 0 for found in partner.values()], axis=0)
     if not whole.any():
         raise InputError(
             f"{source} has no scans of {' and '.join(scanned)} within {max_apart:g} s of one "
@@ -254,7 +230,7 @@ def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX
         log.ranges[found[whole]] if log is base else _moved(log, found[whole], kept.odometry)
         for log, found in zip(scanned.values(), partner.values(), strict=True)
     ]
-    if unpaired := skipped - Counter(base.skipped):
+    if unpaired:
         tell(f"{source}: {said_of_skipped(unpaired, len(kept))}.")
     for topic, log in scanned.items():
         if topic != slowest and (unused := len(log) - len(kept)):
@@ -271,20 +247,20 @@ def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX
     )
     return replace(
         kept, scanner=joined, ranges=np.concatenate(ranges, axis=1), source=source,
-        skipped=dict(skipped),
+        skipped=dict(Counter(base.skipped) + unpaired),
     )  # fmt: skip
 
 
 def _partners(base: Log, other: Log, max_apart: float) -> Indices:
     """Return for each record of ``base`` the scan nearest in time, its own alone; -1 for none."""
+    if other is base:
+        return np.arange(len(base))
     found, least = nearest_in_time(other.times, base.times)
     found[least > max_apart + 1e-9] = -1
     # of two records with one scan the nearer has it
     order = np.argsort(least, kind="stable")
     _, first = np.unique(found[order], return_index=True)
-    lost = np.ones(len(base), np.bool_)
-    lost[order[first]] = False
-    found[lost] = -1
+    found[np.setdiff1d(order, order[first])] = -1
     return found
 
 

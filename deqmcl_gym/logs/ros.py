@@ -3,25 +3,16 @@
 Transforms between the frames of a robot give the scanner's mounting and, if need be, the odometry.
 """
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.files import names_of
-from deqmcl_gym.logs.bags import (
-    POSE_TYPES,
-    SCAN,
-    TRANSFORMS,
-    Bag,
-    Sent,
-    frame_of_header,
-    opened_bag,
-    row_of,
-    seconds_of,
-    warn_of_frames,
-)
+from deqmcl_gym.logs.bags import SCAN, TRANSFORMS, Bag, opened_bag, warn_of_frames
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
 from deqmcl_gym.logs.raw_records import (
@@ -37,10 +28,13 @@ from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.logs.transforms import (
     MAP_FRAME,
     ODOMETRY,
+    POSE_TYPES,
     PoseRows,
+    Sent,
     Transforms,
     frame_name,
     only_frame,
+    seconds_of,
 )
 from deqmcl_gym.validation import InputError, integer, like, number, one_of, shown, tell
 
@@ -77,20 +71,20 @@ def read_bag(
         if len(asked) < 2:
             raise InputError("max_apart is given, but pairs the scans of 2 scan topics or more.")
     with opened_bag(paths) as bag:
-        scans = [bag.topic((SCAN,), "scan_topic", one) for one in asked]
+        scans = [topic for one in asked if (topic := bag.topic((SCAN,), "scan_topic", one))]
         odometry = bag.topic(
             (ODOMETRY,), "odometry_topic", odometry_topic, beside=scans[0], needed=False
         )
-        if odometry_frame is not None:
-            odometry = None
-        if reference_topic is None and REFERENCE_TOPIC not in bag.topics:
-            reference = None
-        else:
-            named = reference_topic or REFERENCE_TOPIC
-            reference = bag.topic(tuple(POSE_TYPES), "reference_topic", named)
-        messages = _Messages(names_of(paths), [one for one in scans if one], odometry, reference)
+        if reference_topic is None and REFERENCE_TOPIC in bag.topics:
+            reference_topic = REFERENCE_TOPIC
+        if reference_topic is not None:
+            bag.topic(tuple(POSE_TYPES), "reference_topic", reference_topic)  # or it is refused
+        of_topic = odometry if odometry_frame is None else None
+        names = {topic: bag.name if len(scans) == 1 else f"{bag.name} {topic}" for topic in scans}
+        scanned = {topic: RawRecords(name) for topic, name in names.items()}
+        messages = _Messages(bag.name, scanned, of_topic, reference_topic)
         messages.read(bag)
-    warn_of_frames(messages.name, reference, messages.frames)
+    warn_of_frames(messages.name, reference_topic, messages.truth.frames)
     base, moved = messages.moved_by(base_frame, odometry_frame, odometry_publisher)
     log = messages.log(base, moved, max_range, MAX_APART if max_apart is None else max_apart)
     truth = messages.truth.poses
@@ -110,23 +104,19 @@ def _scan_topics(given: str | Sequence[str] | None) -> Sequence[str | None]:
     return given
 
 
+@dataclass
 class _Messages:
     """The messages of a bag that a log is made of."""
 
-    def __init__(
-        self, name: str, scans: Sequence[str], odometry: str | None, reference: str | None
-    ) -> None:
-        self.name, self.odometry, self.reference = name, odometry, reference
-        self.scanned = {
-            topic: RawRecords(name if len(scans) == 1 else f"{name} {topic}") for topic in scans
-        }
-        self.transforms = Transforms()
-        self.unit = "m"
-        self.moved: dict[str, PoseRows] = {}  # by frame
-        self.truth = PoseRows()
-        self.frames: set[str] = set()  # that poses of the truth are in
-        self.moved_in: set[str] = set()  # frames that the odometry is in
-        self.mended = 0  # scans whose increment is of no use
+    name: str
+    scanned: dict[str, RawRecords]  # by topic
+    odometry: str | None  # topics
+    reference: str | None
+    moved: dict[str, PoseRows] = field(default_factory=dict)  # by frame
+    truth: PoseRows = field(default_factory=PoseRows)
+    transforms: Transforms = field(default_factory=Transforms)
+    unit: str = "m"
+    mended: int = 0  # scans whose increment is of no use
 
     def read(self, bag: Bag) -> None:
         """Read all messages needed; count those that cannot be decoded; refuse unstamped scans."""
@@ -140,8 +130,7 @@ class _Messages:
                 continue
             self._take(sent, message)
         for topic, scans in self.scanned.items():
-            times = scans.times
-            if len(times) > 1 and not any(times):
+            if len(scans.times) > 1 and not any(scans.times):
                 raise InputError(
                     f"the headers of {topic} in {self.name} have no stamps (all are 0), so its "
                     "scans have no odometry: write the times of the scans into their headers."
@@ -154,34 +143,30 @@ class _Messages:
 
     def _take(self, sent: Sent, message: Any) -> None:
         if sent.kind in TRANSFORMS:
-            for one in message.transforms:
-                self.transforms.add(sent.topic, [*sent.row, seconds_of(one.header.stamp)], one)
+            self.transforms.add(sent, message)
         elif sent.topic == UNIT_TOPIC:
             self.unit = message.data
         elif (scans := self.scanned.get(sent.topic)) is not None:
-            names = "angle_min", "angle_increment", "range_min", "range_max"
-            start, step, *limits = (float(getattr(message, name)) for name in names)
-            step = self._increment(message, start, step)
-            fan = Fan(start, step, *(0.0 if np.isnan(one) else one for one in limits))
-            stamp, frame = seconds_of(message.header.stamp), frame_of_header(message)
+            least, most = float(message.range_min), float(message.range_max)
+            limits = (0.0 if math.isnan(limit) else limit for limit in (least, most))
+            fan = Fan(float(message.angle_min), self._increment(message), *limits)
+            stamp, frame = seconds_of(message.header.stamp), frame_name(message.header.frame_id)
             record = RawRecord(stamp, (0, 0, 0), message.ranges, fan, frame, number=sent.number)
             scans.records.append(record)
         else:
-            row = row_of(sent, message)
             if sent.topic == self.reference:
-                self.truth.rows.append(row)
-                self.frames.add(frame_of_header(message))
+                self.truth.add(sent, message)
             if sent.topic == self.odometry:  # it may be both
-                self.moved_in.add(frame_of_header(message))
-                moved = self.moved.setdefault(frame_name(message.child_frame_id), PoseRows())
-                moved.rows.append(row)
+                child = frame_name(message.child_frame_id)
+                self.moved.setdefault(child, PoseRows()).add(sent, message)
 
-    def _increment(self, message: Any, start: float, step: float) -> float:
+    def _increment(self, message: Any) -> float:
         """Return the increment of a scan's angles; by the last angle, if it is 0 or negated."""
-        size, end = len(message.ranges), float(message.angle_max)
+        start, end, step = message.angle_min, message.angle_max, float(message.angle_increment)
+        size = len(message.ranges)
         if size < 2 or not np.isfinite([start, end]).all() or start == end:
             return step
-        meant = (end - start) / (size - 1)
+        meant = (float(end) - float(start)) / (size - 1)
         negative = abs(step + meant) <= _ALIKE * abs(meant)
         if np.isfinite(step) and step != 0 and not negative:
             return step  # many drivers do not fill in the last angle
@@ -195,9 +180,7 @@ class _Messages:
 
         def scanner_of(topic: str, beams: int, frame: str, fan: Fan | None) -> Scanner:
             assert fan is not None
-            most: float | None = fan.max_range
-            if not fan.limited:  # of simulators and some drivers
-                most = max_range
+            most = fan.max_range if fan.limited else max_range  # of simulators and some drivers
             if most is None:
                 fans = [record.fan for record in self.scanned[topic].records]
                 said = max(one.max_range for one in fans if one)
@@ -214,15 +197,12 @@ class _Messages:
             return Scanner(angles=angles, min_range=fan.min_range, max_range=most, **place)
 
         scanned = {
-            topic: scans.with_odometry(odometry).log(
-                lambda *scan, topic=topic: scanner_of(topic, *scan), unit=self.unit
-            )
+            topic: scans.with_odometry(odometry).log(partial(scanner_of, topic), unit=self.unit)
             for topic, scans in self.scanned.items()
         }
-        (log, *others) = scanned.values()
-        if others:
-            log = paired_scans(scanned, self.name, apart)
-        return log
+        if len(scanned) == 1:
+            return scanned.popitem()[1]
+        return paired_scans(scanned, self.name, apart)
 
     def moved_by(
         self, base_frame: str | None, odometry_frame: str | None, publisher: int | None
@@ -234,13 +214,11 @@ class _Messages:
         scan_frame = scans.records[0].frame if scans.records else ""
         flaw = None
         if self.moved:
+            named = next(iter(self.moved))  # which may be wrong or missing
             if len(self.moved) > 1:
-                one = asked or only_frame(self.moved, f"{self.odometry} in {self.name}")
-                named = one_of("base_frame", one, self.moved)
-            else:
-                (named,) = self.moved  # which may be wrong or missing
-            rows = self.moved[named]
-            base = asked or named or _ROBOT
+                named = asked or only_frame(self.moved, f"{self.odometry} in {self.name}")
+                one_of("base_frame", named, self.moved)
+            rows, base = self.moved[named], asked or named or _ROBOT
             flaw = _flaw(rows, str(self.odometry), scans.times)
             doubt = self._doubt(rows)
             if flaw is None and (doubt is None or not frames.has_odometry):
@@ -267,10 +245,9 @@ class _Messages:
 
     def _doubt(self, moved: PoseRows) -> str | None:
         """Say why poses on a topic of odometry may be none; None if they look like it."""
-        if known := sorted(self.moved_in & {MAP_FRAME, "world"}):
-            return (
-                f"the poses of {self.odometry} are in frame {known[0]}, as an estimate or the truth"
-            )
+        if known := sorted(moved.frames & {MAP_FRAME, "world"}):
+            whose = "as an estimate or the truth"
+            return f"the poses of {self.odometry} are in frame {known[0]}, {whose}"
         rows = moved.poses[np.isfinite(moved.poses).all(axis=1)]
         if len(rows) < 2:
             return None
@@ -287,21 +264,18 @@ class _Messages:
         finite = np.flatnonzero(np.isfinite(rows).all(axis=1))
         own = publishers(rows[finite, 0], rows[finite, 1:], table[finite, 2], self.unit)
         chosen = integer("odometry_publisher", publisher or 1, low=1, high=len(own))
-        remarks = []
         if len(own) > 1:
-            said = "; ".join(
-                f"{count}: {publisher_words(rows[finite[one], 0], rows[finite[one], 1:])}"
-                for count, one in enumerate(own, 1)
-            )
-            remarks.append(
-                f"{len(own)} publishers send odometry on {where} ({said}): "
+            each = enumerate((rows[finite[messages]] for messages in own), 1)
+            listed = "; ".join(f"{n}: {publisher_words(part)}" for n, part in each)
+            self._tell(
+                f"{len(own)} publishers send odometry on {where} ({listed}): "
                 f"{chosen} is taken, choose another by odometry_publisher"
                 f"{like('odometry_publisher', 1 + chosen % len(own))}"
             )
             kept = finite[own[chosen - 1]]
             table, rows = table[kept], rows[kept]
         judged = JudgedOdometry.of(table[:, 0], table[:, 1], rows, self.unit)
-        for remark in [*remarks, *judged.remarks]:
+        for remark in judged.remarks:
             self._tell(remark)
         return judged
 

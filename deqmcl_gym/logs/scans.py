@@ -123,9 +123,9 @@ def _seen_at(ranges: Singles, beams: Floats, onto: Floats) -> tuple[Singles, flo
     nearest beam's range, NaN if that is more than half the usual angle between bearings off. Also
     returned is how far off a beam that is used is at most, rad.
     """
-    order = np.argsort(np.mod(beams, _TURN), kind="stable")
-    around = np.mod(beams, _TURN)[order]
-    at = np.searchsorted(around, np.mod(onto, _TURN), side="right")
+    around = np.mod(beams, _TURN)
+    order = np.argsort(around, kind="stable")
+    at = np.searchsorted(around[order], np.mod(onto, _TURN), side="right")
     before, after = order[at - 1], order[at % order.size]  # clockwise, counterclockwise
     past = np.mod(onto - beams[before], _TURN)  # from the beam before to the bearing
     past[past > _TURN - _ROUNDING] = 0.0  # of a beam at the bearing itself

@@ -15,18 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.files import numbers_of, save, text_of
+from deqmcl_gym.logs import raw_records
 from deqmcl_gym.logs.bags import poses_of_topic
 from deqmcl_gym.logs.log import Log, ascending_times, said_of_skipped
 from deqmcl_gym.logs.motion import between, composed, heading_of, nearest_in_time, relative
 from deqmcl_gym.logs.odometry import jumps_in, times_words
-from deqmcl_gym.logs.raw_records import (
-    NOT_FINITE,
-    UNREADABLE,
-    ascending,
-    stamped,
-    usable,
-    warn_of_few,
-)
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import Bools, Floats, Indices, arrays
 from deqmcl_gym.validation import LARGEST, InputError, array, number, real, shown, tell
@@ -84,6 +77,10 @@ class Trajectory:
             )
         return found
 
+    def spread_at(self, at: Indices) -> Floats | None:
+        """Return the covariances of poses by index, NaN unknown; None without any."""
+        return None if self.covariances is None else self.covariances[at]
+
     @property
     def tum(self) -> bytes:
         """The content of a TUM file: lines ``t x y 0 0 0 sin(θ/2) cos(θ/2)``, with all digits."""
@@ -105,11 +102,12 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"the reference is {shown(path)}, but must be the path of a TUM file.")
-    return sound_poses(*tum_rows(Path(path)))
+    rows, damage = tum_rows(Path(path))
+    return sound_poses(rows, str(Path(path)), damage)
 
 
-def tum_rows(file: Path) -> tuple[Floats, str, Counter[str]]:
-    """Return t, x, y, θ of the lines of a TUM file, (n, 4), its name, and what else is in it.
+def tum_rows(file: Path) -> tuple[Floats, Counter[str]]:
+    """Return t, x, y, θ of the lines of a TUM file, (n, 4), and what else is in it.
 
     NaN is where a number or the quaternion of a line is no pose.
     """
@@ -123,15 +121,15 @@ def tum_rows(file: Path) -> tuple[Floats, str, Counter[str]]:
         except ValueError:
             quaternion = []
         if len(quaternion) != 4:
-            damage[UNREADABLE] += 1
+            damage[raw_records.UNREADABLE] += 1
         else:
             rows.append([time, x, y, *quaternion])
     table = np.array(rows).reshape(-1, 7)
-    known = usable(table)
+    known = raw_records.usable(table)
     table[known, 3:] = _upright(table[known, 3:], str(file))
     headings = np.full(len(table), np.nan)
     headings[known] = heading_of(table[known, 3:])
-    return np.column_stack([table[:, :3], headings]), str(file), damage
+    return np.column_stack([table[:, :3], headings]), damage
 
 
 def _upright(quaternions: Floats, source: str) -> Floats:
@@ -152,31 +150,26 @@ def _upright(quaternions: Floats, source: str) -> Floats:
     return quaternions[:, [1, 2, 3, 0]] if first else quaternions
 
 
-def clock_words(rows: Floats) -> str:
-    """Ask whether the times of rows t, … are in another unit than s; "" if they may be in s."""
-    times = rows[np.isfinite(rows[:, 0]), 0]
-    usual = float(np.median(times)) if times.size else 0.0
-    for least, unit in _CLOCKS:
-        if usual > least:
-            return f": its times are about {usual:.3g}: are these {unit}? Write seconds"
-    return ""
-
-
 def sound_poses(
     rows: Floats, source: str, damage: Counter[str], covariances: Floats | None = None
 ) -> Trajectory:
     """Return the trajectory of the sound rows t, x, y, θ, (n, 4), in order; tell of the others."""
-    sound = usable(rows)
+    sound = raw_records.usable(rows)
     if not sound.all():
-        damage[NOT_FINITE] += int((~sound).sum())
+        damage[raw_records.NOT_FINITE] += int((~sound).sum())
     kept = np.flatnonzero(sound)
     if not kept.size:
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""
+        times = rows[np.isfinite(rows[:, 0]), 0]
+        usual = float(np.median(times)) if times.size else 0.0
+        unit = next((unit for least, unit in _CLOCKS if usual > least), None)
+        if unit is not None:
+            why += f": its times are about {usual:.3g}: are these {unit}? Write seconds"
         raise InputError(
-            f"{source} has no usable pose{why}{clock_words(rows)}: each needs a time and finite x, "
+            f"{source} has no usable pose{why}: each needs a time and finite x, "
             "y and heading; a TUM trajectory has lines t x y z qx qy qz qw."
         )
-    kept = kept[ascending(rows[kept, 0], damage)]
+    kept = kept[raw_records.ascending(rows[kept, 0], damage)]
     if damage:
         tell(f"{source}: {said_of_skipped(damage, kept.size)}.")
     spread = None if covariances is None else covariances[kept]
@@ -195,17 +188,17 @@ def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajec
     file = Path(path)
     packed = file.suffix.lower() == ".gz"
     ending = "" if file.is_dir() else (Path(file.stem) if packed else file).suffix.lower()
+    source, damage, covariances = str(file), Counter[str](), None
     if ending in _BAGS and (file.is_dir() or ending):
         rows, covariances = poses_of_topic(file, topic)
-        source = f"{file}:{topic}" if topic else str(file)
-        return sound_poses(stamped(rows), source, Counter(), covariances)
-    if topic is not None:
+        source += f":{topic}" if topic else ""
+    elif topic is not None:
         raise InputError(f"{file} is no bag, so it has no topic {topic}: leave it out.")
-    if ending == ".csv":
+    elif ending == ".csv":
         rows, covariances = _read_csv(file)
-        return sound_poses(stamped(rows), str(file), Counter(), covariances)
-    rows, source, damage = tum_rows(file)
-    return sound_poses(stamped(rows), source, damage)
+    else:
+        rows, damage = tum_rows(file)
+    return sound_poses(raw_records.stamped(rows), source, damage, covariances)
 
 
 def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
@@ -262,7 +255,6 @@ def referenced(
     covers no record is refused.
 
     Args:
-        log: the records.
         reference: a trajectory, or a TUM file of one, in the map's frame, with the log's clock.
         max_gap: records between two poses get none if these are so far apart, in a straight line
             or by odometry, or farther; None is 2 m.
@@ -273,12 +265,15 @@ def referenced(
     trajectory = reference if isinstance(reference, Trajectory) else read_tum(reference)
     times, poses = trajectory.times, trajectory.poses
     inside = (log.times >= times[0]) & (log.times <= times[-1])
-    exact, own = _stamped(log.times, times)
+    at = np.searchsorted(times, log.times)
+    count = np.searchsorted(times, log.times, side="right") - at
+    turn = np.arange(len(log)) - np.searchsorted(log.times, log.times)  # among those of its time
+    exact, own = count > 0, at + np.minimum(turn, count - 1)
     nearest, off = nearest_in_time(times, log.times)
     close = off <= tolerance_of(log, tolerance)
     then = between(log.times, log.odometry, times[nearest])
     moved = composed(poses[nearest], relative(then, log.odometry))
-    after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
+    after = np.clip(at, 1, max(times.size - 1, 1))
     before = after - 1
     after = np.minimum(after, times.size - 1)
     gone = np.interp(times, log.times, log.driven)
@@ -302,26 +297,20 @@ def referenced(
     missed = relative(poses[first], poses[last]) - whole
     missed[:, 2] = arrays.wrapped(missed[:, 2])
     found = np.full((len(log), 3), np.nan)
-    found[close], found[exact] = moved[close], poses[own]
+    found[close], found[exact] = moved[close], poses[own[exact]]
     found[among] = composed(poses[first], here + share[:, None] * missed)
     done = replace(log, reference=found, interpolated=among & ~close)
-    warn_of_few(done, trajectory.source)
-    _warn_of_jumps(trajectory, log.unit)
+    raw_records.warn_of_few(done, trajectory.source)
+    jumps = np.flatnonzero(jumps_in(times, poses, log.unit))
+    if jumps.size:
+        steps = np.hypot(*np.diff(poses[:, :2], axis=0)[jumps].T)
+        tell(
+            f"the reference {trajectory.source} jumps farther than a robot drives, "
+            f"{times_words(jumps.size)}, first at {times[jumps[0] + 1]:.2f} s, by up to "
+            f"{steps.max():.2f} {log.unit}: what is before or after may be wrong, and so are "
+            "errors there."
+        )
     return done
-
-
-def _warn_of_jumps(trajectory: Trajectory, unit: str) -> None:
-    """Warn of steps of a reference that no robot drives."""
-    jumps = jumps_in(trajectory.times, trajectory.poses, unit)
-    if not (at := np.flatnonzero(jumps)).size:
-        return
-    steps = np.hypot(*np.diff(trajectory.poses[:, :2], axis=0)[at].T)
-    tell(
-        f"the reference {trajectory.source} jumps farther than a robot drives, "
-        f"{times_words(at.size)}, first at {trajectory.times[at[0] + 1]:.2f} s, by up to "
-        f"{steps.max():.2f} {unit}: what is "
-        "before or after may be wrong, and so are errors there."
-    )
 
 
 def with_own_reference(
@@ -335,15 +324,6 @@ def with_own_reference(
     if not len(given):
         return log
     return referenced(log, sound_poses(given, log.source, Counter()), max_gap, tolerance)
-
-
-def _stamped(records: Floats, times: Floats) -> tuple[Bools, Indices]:
-    """Return which records are at one of ``times``, (n,), and the index in those of each such."""
-    first = np.searchsorted(times, records)
-    count = np.searchsorted(times, records, side="right") - first
-    turn = np.arange(records.size) - np.searchsorted(records, records)  # among those of its time
-    exact = count > 0
-    return exact, (first + np.minimum(turn, count - 1))[exact]
 
 
 def _travelled(

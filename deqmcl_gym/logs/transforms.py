@@ -1,10 +1,10 @@
 """Transforms between the frames of a robot: where its scanners are mounted, and odometry."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,12 +14,28 @@ from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError, like, one_of, tell
 
 ODOMETRY = "nav_msgs/msg/Odometry"
+POSE_TYPES: dict[str, Callable[[Any], Any]] = {
+    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
+    ODOMETRY: lambda message: message.pose.pose,
+}
 ODOMETRY_FRAME, MAP_FRAME = "odom", "map"
 _UPRIGHT = 0.99  # cosine of the largest tilt that is ignored: 8°
 _ROCKING = 0.05, math.radians(3)  # m, rad: largest SD in the plane of a place on a robot
 _STEADY = 1e-3  # m, rad: SD that is not told
 
 Edge = tuple[str, str]  # parent, child
+
+
+class Sent(NamedTuple):
+    """A message of a bag."""
+
+    number: int  # in the order in which messages were received
+    received: float  # when, s
+    source: int  # number of its connection: one for each publisher, where the bag tells them apart
+    topic: str
+    kind: str
+    decoded: Callable[[], Any]  # returns it; damaged bytes can raise anything
 
 
 @dataclass
@@ -31,6 +47,13 @@ class PoseRows:
     """
 
     rows: list[list[float]] = field(default_factory=list)
+    frames: set[str] = field(default_factory=set)  # that the headers of the messages name
+
+    def add(self, sent: Sent, message: Any) -> None:
+        """Add the pose of a message of ``POSE_TYPES``."""
+        pose = POSE_TYPES[sent.kind](message)
+        self.frames.add(frame_name(message.header.frame_id))
+        self.rows.append(_row(sent, message.header, pose.position, pose.orientation))
 
     @property
     def table(self) -> Floats:
@@ -47,23 +70,28 @@ class PoseRows:
         return np.column_stack([table[:, 3:6], headings])
 
 
+def _row(sent: Sent, header: Any, at: Any, turned: Any) -> list[float]:
+    moment = [float(sent.number), sent.received, float(sent.source), seconds_of(header.stamp)]
+    return [*moment, at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
+
+
 class Transforms:
     """All transforms of a bag, from parent to child, by the topic that they came on."""
 
     def __init__(self) -> None:
         self._edges: dict[str, dict[Edge, PoseRows]] = {}  # by the namespace of the topic
 
-    def add(self, topic: str, row: Sequence[float], message: Any) -> None:
-        """Add a TransformStamped of ROS; ``row`` is as in ``PoseRows``, up to the stamp."""
-        at, turned = message.transform.translation, message.transform.rotation
-        edge = frame_name(message.header.frame_id), frame_name(message.child_frame_id)
-        edges = self._edges.setdefault(topic.rpartition("/")[0], {})
-        known = edges.setdefault(edge, PoseRows())
-        pose = [at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
-        if np.isfinite(pose).all() and np.linalg.norm(pose[3:]) > 0:
-            if topic.endswith("/tf_static"):  # the last one counts, as for tf
-                known.rows.clear()
-            known.rows.append([*row, *pose])
+    def add(self, sent: Sent, message: Any) -> None:
+        """Add the transforms of a message."""
+        for one in message.transforms:
+            edge = frame_name(one.header.frame_id), frame_name(one.child_frame_id)
+            edges = self._edges.setdefault(sent.topic.rpartition("/")[0], {})
+            rows = edges.setdefault(edge, PoseRows()).rows
+            row = _row(sent, one.header, one.transform.translation, one.transform.rotation)
+            if np.isfinite(row[4:]).all() and np.linalg.norm(row[7:]) > 0:
+                if sent.topic.endswith("/tf_static"):  # the last one counts, as for tf
+                    rows.clear()
+                rows.append(row)
 
     def of(self, topic: str) -> "Frames":
         """Return the transforms of the robot that a topic is of: those of its namespace.
@@ -95,9 +123,15 @@ class Frames:
         return {edge: rows for edge, rows in self.edges.items() if rows.rows and not _place(rows)}
 
     @property
+    def in_map(self) -> Mapping[str, PoseRows]:
+        """What is placed in a frame ``map``, by its frame."""
+        in_map = ((child, rows) for (p, child), rows in self.edges.items() if _last(p) == MAP_FRAME)
+        return {child: rows for child, rows in in_map if rows.rows}
+
+    @property
     def has_odometry(self) -> bool:
         """Whether something moves in a frame ``odom``."""
-        return any(parent.rpartition("/")[2] == ODOMETRY_FRAME for parent, _ in self.moving)
+        return any(_last(parent) == ODOMETRY_FRAME for parent, _ in self.moving)
 
     def odometry(
         self, name: str, base_frame: str | None, odometry_frame: str | None, scan_frame: str
@@ -116,9 +150,7 @@ class Frames:
             if rows.rows and base_frame in (None, edge[1]) and odometry_frame in (None, edge[0])
         ]
         moving = [edge for edge in edges if edge in self.moving]
-        in_odom = edges
-        if odometry_frame is None:
-            in_odom = [one for one in edges if one[0].rpartition("/")[2] == ODOMETRY_FRAME]
+        in_odom = [one for one in edges if odometry_frame or _last(one[0]) == ODOMETRY_FRAME]
         # a dock may stand in odom, too
         from_odom = [edge for edge in in_odom if edge in moving] or in_odom
         above = [edge for edge in self._above(scan_frame) if edge in moving]
@@ -151,22 +183,26 @@ class Frames:
 
         By the mean of transforms that rock, as on springs; their spread is told.
         """
-        scanner = self._known(frame)
+        scanner, remedy = self._known(frame), f"mounting{like('mounting', '[x,y,turn]')}"
+        no_place = f"{name} has no static transform from {base} to {frame}"
         chain, spread = self._chain(self._known(base), scanner)
-        if chain is None and (root := self._root(scanner)) != scanner:
+        root = scanner  # the highest frame that it does not move against
+        for edge in self._above(scanner):
+            if edge in self.moving or not self.edges[edge].rows:
+                break
+            root = edge[0]
+        if chain is None and root != scanner:
             tell(
-                f"{name} has no static transform from {base} to {frame}: the scanner's place on "
-                f"{root} is taken; if that is not {base}, seen from above, give "
-                f"mounting{like('mounting', '[x,y,turn]')}."
+                f"{no_place}: the scanner's place on {root} is taken; if that is not {base}, seen "
+                f"from above, give {remedy}."
             )
             chain, spread = self._chain(root, scanner)
         if chain is None:
             broken = [" to ".join(edge) for edge, rows in self.edges.items() if not rows.rows]
             why = f" (no finite one from {', '.join(broken)})" if broken else ""
             tell(
-                f"{name} has no static transform from {base} to {frame}{why}: the scanner is "
-                "assumed in the robot's centre, looking ahead; if it is not, give "
-                f"mounting{like('mounting', '[x,y,turn]')}."
+                f"{no_place}{why}: the scanner is assumed in the robot's centre, looking ahead; if "
+                f"it is not, give {remedy}."
             )
             chain = np.eye(4)
         if max(spread) > _STEADY:
@@ -185,27 +221,17 @@ class Frames:
         x, y = chain[:2, 3].tolist()
         return Mount(x=x, y=y, heading=turn, upside_down=bool(up < 0), beams=beams)
 
-    def _root(self, frame: str) -> str:
-        """Return the highest frame that a frame does not move against."""
-        for edge in self._above(frame):
-            if edge in self.moving or not self.edges[edge].rows:
-                break
-            frame = edge[0]
-        return frame
-
     def _known(self, frame: str) -> str:
         """Return a frame as transforms call it: with a prefix that only they have, or without."""
         names = {name for edge in self.edges for name in edge}
-        last = frame.rpartition("/")[2]
-        alike = [name for name in names if name.rpartition("/")[2] == last]
+        alike = [name for name in names if _last(name) == _last(frame)]
         return frame if frame in names or len(alike) != 1 else alike[0]
 
-    def _chain(self, base: str, frame: str) -> tuple[Floats | None, tuple[float, float, float]]:
+    def _chain(self, base: str, frame: str) -> tuple[Floats | None, Floats]:
         """Return a steady transform from base to frame, 4 x 4, and its spread (m, rad, rad)."""
         steps: dict[str, list[tuple[str, Floats, Floats]]] = {}
         for (parent, child), rows in self.edges.items():
-            place = _place(rows)
-            if place is not None:
+            if (place := _place(rows)) is not None:
                 there, spread = place
                 steps.setdefault(parent, []).append((child, there, spread))
                 back = np.linalg.inv(there).astype(np.float64)
@@ -218,10 +244,9 @@ class Frames:
                     reached[next_name] = (matrix @ step, squares + spread**2)
                     queue.append(next_name)
         if frame not in reached:
-            return None, (0.0, 0.0, 0.0)
+            return None, np.zeros(3)
         matrix, squares = reached[frame]
-        along, turn, tilt = np.sqrt(squares).tolist()
-        return matrix, (along, turn, tilt)
+        return matrix, np.sqrt(squares)
 
 
 def _place(rows: PoseRows) -> tuple[Floats, Floats] | None:
@@ -233,19 +258,14 @@ def _place(rows: PoseRows) -> tuple[Floats, Floats] | None:
     quaternions[quaternions @ quaternions[0] < 0] *= -1  # q and -q are the same turn
     values = np.column_stack([values[:, :3], quaternions])
     mean = values[0] + (values - values[0]).mean(axis=0)  # of equal ones the same to the bit
-    off = 2 * _turned_back(quaternions, mean[3:] / np.linalg.norm(mean[3:]))
+    *axis, scalar = mean[3:] / np.linalg.norm(mean[3:])
+    vectors, scalars = quaternions[:, :3], quaternions[:, 3:]
+    off = 2 * (scalar * vectors - scalars * axis - np.cross(axis, vectors))  # of mean⁻¹ q
     tilt, turn = np.sqrt(np.square(off).mean(axis=0) @ [[1, 0], [1, 0], [0, 1]])
     along = float(np.sqrt(values[:, :2].var(axis=0).sum()))
     if along > _ROCKING[0] or turn > _ROCKING[1]:
         return None
     return _matrix(mean), np.array([along, turn, tilt])
-
-
-def _turned_back(quaternions: Floats, mean: Floats) -> Floats:
-    """Return the vector parts of quaternions (n, 4) seen from a mean, mean⁻¹ q, (n, 3)."""
-    vectors, scalars = quaternions[:, :3], quaternions[:, 3:]
-    back: Floats = mean[3] * vectors - scalars * mean[:3] - np.cross(mean[:3], vectors)
-    return back
 
 
 def only_frame(frames: Iterable[str], where: str) -> str:
@@ -261,6 +281,16 @@ def only_frame(frames: Iterable[str], where: str) -> str:
 def frame_name(frame: str) -> str:
     """Return a frame's name without the slash, which tf of ROS 1 wrote or did not."""
     return frame.lstrip("/")
+
+
+def _last(frame: str) -> str:
+    """Return a frame's name without a prefix, as of a fleet."""
+    return frame.rpartition("/")[2]
+
+
+def seconds_of(stamp: Any) -> float:
+    """Return a stamp in s."""
+    return (int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)) / 1e9
 
 
 def _matrix(values: Floats) -> Floats:

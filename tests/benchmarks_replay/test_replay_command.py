@@ -394,7 +394,7 @@ def test_a_localizer_has_its_own_parameters_before_the_number_of_particles():
 def test_the_power_is_fitted_only_where_a_localizer_uses_it(recorded, monkeypatch, words, fits):
     fitted = []
     monkeypatch.setattr(
-        "benchmarks.robots.replaying.with_fitted_power", lambda replay: fitted.append(1) or replay
+        "benchmarks.robots.calibration.with_fitted_power", lambda replay: fitted.append(1) or replay
     )
     assert replay(*KNOWN, "--seeds", "1", *words, "--out", "o") == 0
     assert bool(fitted) is fits
