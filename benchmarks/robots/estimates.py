@@ -24,8 +24,8 @@ from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import percent
-from benchmarks.trials.collecting import calibration_of
 from benchmarks.trials.scores import track_scores
+from benchmarks.trials.trace import calibration_of
 from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8

@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from benchmarks.trials.collecting import unless_nan
 from benchmarks.trials.episode import Step
-from benchmarks.trials.tracks import FOUND, NEAR
+from benchmarks.trials.tracks import FOUND, NEAR, columns_of
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Reals
@@ -213,7 +212,7 @@ class MapSignals:
         self._random = Expected.of(self._known, lidar, _anywhere(floor_plan))
         self._lattice = Lattice.over(floor_plan, _ROOM)
         self._from = np.full((self._lattice.size, 2), np.nan)  # the pose of the first one, by cell
-        self._rows: list[list[float]] = []
+        self._rows: list[list[float | None]] = []
 
     def see(self, moment: Step) -> None:
         """Take in a step."""
@@ -228,7 +227,6 @@ class MapSignals:
         explained, (short, long) = fit.explained, fit.shares
         with np.errstate(invalid="ignore"):
             at_random = self._random.fit(ranges).explained.max()
-        quality = quality_of(moment.belief)
         returned = max(int(fit.returned[0].sum()), 1)
         repeated = self._repeated(best, ranges, fit.short[0], fit.long[0], fit.expected[0])
         against = int((fit.short[0] | fit.long[0]).sum())
@@ -236,7 +234,7 @@ class MapSignals:
         self._rows.append(
             [
                 *(float(not near[0]), float(1 - explained[1])),
-                math.nan if quality is None else quality,
+                quality_of(moment.belief),
                 *(float(explained[0]), float(explained[0] - at_random)),
                 *(float(short[0]), float(long[0])),
                 *(repeated / returned, (against - repeated) / returned),
@@ -245,8 +243,7 @@ class MapSignals:
 
     def columns(self) -> dict[str, list[float | None]]:
         """Return the rows of the steps t = 1 … T as columns by name."""
-        table: Floats = np.array(self._rows[1:], np.float64).reshape(-1, len(MAP_COLUMNS))
-        return dict(zip(MAP_COLUMNS, map(unless_nan, table.T.tolist()), strict=True))
+        return columns_of(MAP_COLUMNS, self._rows[1:])
 
     def _repeated(self, best: Floats, ranges: Reals, short: Any, long: Any, expected: Reals) -> int:
         """Count the beams against the map at a place that was contradicted from elsewhere."""

@@ -30,13 +30,12 @@ from benchmarks.setup.names import (
 )
 from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
-from benchmarks.trials.collecting import JourneyLog, TrackLog
 from benchmarks.trials.episode import Step, drive, followed, sees_belief
 from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import ScoreGroup, groups_named
 from benchmarks.trials.scoring import TrialRecord, record
 from benchmarks.trials.spec import Provenance, Trial, code_digest, versions
-from benchmarks.trials.trace import Trace, trace_of
+from benchmarks.trials.trace import JourneyLog, Trace, TrackLog, trace_of
 from benchmarks.trials.tracks import is_symmetric
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.numerics import Pose

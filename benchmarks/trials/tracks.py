@@ -4,10 +4,10 @@ Errors of tracks are as evo has them, absolute (APE) and relative (RPE). Lengths
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -163,12 +163,10 @@ def weight_near(poses: Reals, weights: Floats, pose: Floats, unit: str) -> float
 
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
-AGREEMENTS = ("agreement_01", "agreement_03")
 TOLERATED = 0.05  # share of records at which a localized robot may seem off: references err, too
 
 
-@dataclass(frozen=True, kw_only=True)
-class PoseErrors:
+class PoseErrors(NamedTuple):
     """Errors of n poses: lengths, evo's ``trans_part``; rad in [0, π], its ``angle_rad``."""
 
     translation: Floats
@@ -185,15 +183,16 @@ def absolute(estimate: Floats, reference: Floats) -> PoseErrors:
 
     A localizer estimates in the map's frame: an alignment would hide its error.
     """
-    given, true = _pairs(estimate, reference)
-    return _errors(relative(true, given))
+    known = np.isfinite(reference).all(axis=1)
+    x, y, turn = relative(reference[known], estimate[known]).T
+    return PoseErrors(np.hypot(x, y), np.abs(arrays.wrapped(turn)))
 
 
 def relative_errors(estimate: Floats, reference: Floats) -> PoseErrors:
     """RPE: how far the motion from pose to pose is from that of the reference."""
-    given, true = _pairs(estimate, reference)
-    driven, meant = (relative(poses[:-1], poses[1:]) for poses in (given, true))
-    return _errors(relative(meant, driven))
+    known = np.isfinite(reference).all(axis=1)
+    driven, meant = (relative(own[:-1], own[1:]) for own in (estimate[known], reference[known]))
+    return absolute(driven, meant)
 
 
 def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
@@ -292,8 +291,8 @@ class EstimatedTrack:
 
     def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors]) -> PoseErrors:
         truth = self.best[:0] if self.log.reference is None else self.log.reference[self.known]
-        found = of(self.best[self.known], truth)
-        return replace(found, translation=found.translation / metre(self.log.unit))
+        off = of(self.best[self.known], truth)
+        return PoseErrors(off.translation / metre(self.log.unit), off.rotation)
 
 
 @dataclass(frozen=True)
@@ -350,7 +349,7 @@ def calibration_of_gaussians(off: Floats, covariances: Floats, unit: str) -> Flo
     return found
 
 
-def mean(values: Floats) -> float:
+def mean(values: Floats | Bools) -> float:
     """Arithmetic mean; NaN of nothing."""
     return float(values.mean()) if values.size else math.nan
 
@@ -360,13 +359,19 @@ def middle(values: Floats) -> float:
     return float(np.median(values)) if values.size else math.nan
 
 
-def _errors(off: Floats) -> PoseErrors:
-    return PoseErrors(
-        translation=np.hypot(off[:, 0], off[:, 1]), rotation=np.abs(arrays.wrapped(off[:, 2]))
-    )
+def deviation(values: Floats) -> float:
+    """Standard deviation; NaN of nothing."""
+    return float(values.std()) if values.size else math.nan
 
 
-def _pairs(estimate: Floats, reference: Floats) -> tuple[Floats, Floats]:
-    """Return the poses that have a reference."""
-    known = np.isfinite(reference).all(axis=1)
-    return estimate[known], reference[known]
+def unless_nan(values: Iterable[float]) -> list[float | None]:
+    """Return values with None for NaN, which JSON does not have."""
+    return [None if math.isnan(value) else value for value in values]
+
+
+def columns_of(
+    names: Sequence[str], rows: Sequence[Sequence[float | None]]
+) -> dict[str, list[float | None]]:
+    """Return rows as columns by name, with None for NaN."""
+    table = np.array(rows, np.float64).reshape(-1, len(names)).T
+    return dict(zip(names, map(unless_nan, table.tolist()), strict=True))

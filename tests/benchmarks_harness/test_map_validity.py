@@ -11,6 +11,7 @@ from benchmarks.tables.panels import panels
 from benchmarks.tables.signals import QUESTIONS, WRONG, maps_table
 from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MAP_COLUMNS, SIGNALS, MapSignals
+from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import PLAN_COLUMNS
@@ -121,9 +122,9 @@ def test_only_a_trial_whose_world_differs_from_the_map_keeps_signals():
             scenario="sharp", localizer="dead-reckoning", params={}, lag=0, seed=0, trial=0,
             world=Overrides(world)
         )  # fmt: skip
-        return Stage.of(trial).trace()
+        return record(Stage.of(trial).trace())
 
     assert record_of().against_map is None
-    trace = record_of(**{"clutter.number": 3})
-    assert trace.against_map.keys() == set(MAP_COLUMNS)
-    assert {len(own) for own in trace.against_map.values()} == {trace.steps}
+    kept = record_of(**{"clutter.number": 3})
+    assert kept.against_map.keys() == set(MAP_COLUMNS)
+    assert {len(own) for own in kept.against_map.values()} == {kept.steps_done}

@@ -6,7 +6,7 @@ from dataclasses import replace
 from report_cases import changed, finished
 
 from benchmarks.report.runs import starts_table
-from benchmarks.trials.collecting import WholeRun
+from benchmarks.trials.scoring import WholeRun
 
 COLUMNS = ["runs", "localized", "metres_median", "steps_median"]
 

@@ -19,11 +19,10 @@ from fake_episode import (
 )
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import groups_named
 from benchmarks.trials.scoring import SCORE_NAMES, TrialRecord, error_profile, record, scores
-from benchmarks.trials.trace import trace_of
+from benchmarks.trials.trace import JourneyLog, trace_of
 from deqmcl_gym.validation import InputError
 
 T, L = 10, 3
@@ -297,5 +296,5 @@ def test_a_belief_may_be_lists_in_whole_runs_too():
     moments = [Step(t, truth_of(t), USABLE, believed, 0.0, forth if t else None) for t in (0, 1)]
     asked = JourneyLog(TASK, groups_named(["lost", "ambiguity"]))
     found = trace_of(moments, (0,), TASK, asked)
-    scores = found.journey.scores
+    scores = record(found).journey.scores
     assert (scores["metres_to_localize"], scores["mass_split"]) == (0, 0)

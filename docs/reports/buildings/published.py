@@ -15,8 +15,8 @@ import pandas as pd
 from benchmarks.report.tracks import tracked
 from benchmarks.setup.overrides import file_names
 from benchmarks.sweeps.results import results_in
-from benchmarks.trials.collecting import calibration_of
 from benchmarks.trials.scores import CALIBRATION, PUBLISHED, track_scores
+from benchmarks.trials.trace import calibration_of
 from benchmarks.trials.tracks import ScoredTrack
 from localizers import Calibration
 
