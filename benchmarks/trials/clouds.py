@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.setup.scenario import Thresholds
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import Floats, Ints, Reals, Singles
+from deqmcl_gym.numerics import Bools, Floats, Ints, Reals, Singles
 from deqmcl_gym.numerics.arrays import cholesky, fit
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST, atan2_64, cos64, sin64, sincos32, wrapped64
@@ -202,6 +202,10 @@ _EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
 _LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far beyond any map
 
 
+# of ``measured``, beside the moments: (k,) each, NaN not available
+COLUMNS = ("energy", "rank", "nees", "log_score", "outlier_share", "wall_share", "wall_step_share")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
     """What must be known of a world to measure beliefs about it."""
@@ -311,6 +315,29 @@ def belief_scores(clouds: Clouds, unit: str, far: float = math.inf) -> Floats:
     - weight farther than ``far`` from the truth.
     """
     return _measured(clouds, unit, far, fully=True)[:, :13]
+
+
+def measured(clouds: Clouds, task: Surroundings) -> Floats:
+    """Moments of beliefs, then their ``COLUMNS``, (k, 15).
+
+    The last two are weight on poses where the robot does not fit, and on those whose last step, as
+    commanded along their heading, passed a wall.
+    """
+    floor_plan, poses = task.floor_plan, clouds.poses.T
+    rows = belief_scores(clouds, floor_plan.unit, task.thresholds.far)
+    before = np.empty((2, clouds.weights.size), np.float32)
+    steps_back(clouds.poses, clouds.moves, clouds.ends, before)
+    in_walls = ~floor_plan.free(poses, task.radius)
+    through = floor_plan.collides(before.T, poses, task.radius)
+    return np.column_stack([rows, _weight_of(in_walls, clouds), _weight_of(through, clouds)])
+
+
+def _weight_of(chosen: Bools, clouds: Clouds) -> Floats:
+    """Weight of the poses of each cloud that are chosen, (k,)."""
+    those = np.flatnonzero(chosen)
+    begins = np.searchsorted(those, [0, *clouds.ends[:-1]])
+    padded = np.insert(clouds.weights[those], begins, 0.0)  # each sum begins with 0: none is empty
+    return np.asarray(np.add.reduceat(padded, begins + np.arange(begins.size)))
 
 
 def _measured(clouds: Clouds, unit: str, far: float, *, fully: bool) -> Floats:

@@ -7,34 +7,29 @@ those of its track, too. Lengths of whole runs and tracks are in m; a pixel is 2
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import (
-    Clouds,
-    Surroundings,
-    belief_scores,
-    covariance_floor,
-    steps_back,
-)
+from benchmarks.trials.clouds import COLUMNS, covariance_floor
 from benchmarks.trials.tracks import (
     NEAR,
     RECOVERED,
     RECOVERED_STEPS,
+    EstimatedTrack,
     Journey,
-    ScoredTrack,
+    agreement,
+    calibration_of_gaussians,
     deviation,
     mean,
     middle,
 )
+from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Indices, Reals, arrays
-
-# what is measured of each belief, beside its moments: (k,) each, NaN not available
-COLUMNS = ("energy", "rank", "nees", "log_score", "outlier_share", "wall_share", "wall_step_share")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +38,7 @@ class Estimates:
 
     states: Indices  # s, (k,), ascending
     truth: Floats  # (k, 3)
-    table: Floats  # a row of ``measured`` for each state
+    table: Floats  # a row of ``clouds.measured`` for each state
     common: Bools  # whether L ≤ s ≤ T - L, the states that every offset estimates, (k,)
     thresholds: Thresholds
     unit: str
@@ -125,29 +120,6 @@ def entropy(variances: Floats, unit: str) -> Floats:
     return total
 
 
-def measured(clouds: Clouds, task: Surroundings) -> Floats:
-    """Moments of beliefs, then their ``COLUMNS``, (k, 15).
-
-    The last two are weight on poses where the robot does not fit, and on those whose last step, as
-    commanded along their heading, passed a wall.
-    """
-    floor_plan, poses = task.floor_plan, clouds.poses.T
-    rows = belief_scores(clouds, floor_plan.unit, task.thresholds.far)
-    before = np.empty((2, clouds.weights.size), np.float32)
-    steps_back(clouds.poses, clouds.moves, clouds.ends, before)
-    in_walls = ~floor_plan.free(poses, task.radius)
-    through = floor_plan.collides(before.T, poses, task.radius)
-    return np.column_stack([rows, _weight_of(in_walls, clouds), _weight_of(through, clouds)])
-
-
-def _weight_of(chosen: Bools, clouds: Clouds) -> Floats:
-    """Weight of the poses of each cloud that are chosen, (k,)."""
-    those = np.flatnonzero(chosen)
-    begins = np.searchsorted(those, [0, *clouds.ends[:-1]])
-    padded = np.insert(clouds.weights[those], begins, 0.0)  # each sum begins with 0: none is empty
-    return np.asarray(np.add.reduceat(padded, begins + np.arange(begins.size)))
-
-
 def rms(values: Floats) -> float:
     """Root of the mean square; NaN of nothing."""
     return float(_root(np.mean, values[None])[0]) if values.size else math.nan
@@ -165,7 +137,7 @@ class Score:
     unit: str
     better: str  # "low", "high", or "" if neither is
     words: str  # heading of its column; a mean over the states if it does not say otherwise
-    of: Callable[[Any], float]  # ``Estimates``, ``Journey`` or ``ScoredTrack``; NaN: not available
+    of: Callable[[Any], float]  # ``Estimates``, ``Journey`` or ``track_scores``; NaN: unknown
     failed: float = math.nan  # the score of a run that failed; NaN: it is unknown
     tested: bool = False  # whether methods are compared by it
     digits: int | None = None  # behind the point, in tables; None: as the unit has them
@@ -181,17 +153,13 @@ class Score:
         return self.failed == math.inf
 
 
-def _coverages(words: str, ranks: Callable[[Any], Floats]) -> list[Score]:
-    """Shares of the ranks that credible regions of each level cover, NaN if one is unknown."""
-
-    def covered(level: int, of: Any) -> float:
-        rank = ranks(of)
+def _coverage(level: int) -> Score:
+    def covered(it: Estimates) -> float:
+        rank = it.values["rank"]
         return mean(np.where(np.isnan(rank), np.nan, rank <= level / 100))
 
-    return [
-        Score(f"coverage_{level}", "share", "", words.format(level), partial(covered, level))
-        for level in LEVELS
-    ]
+    words = f"states in the {level} % credible region"
+    return Score(f"coverage_{level}", "share", "", words, covered)
 
 
 def _value_of(name: str) -> Callable[[Estimates], float]:
@@ -201,10 +169,6 @@ def _value_of(name: str) -> Callable[[Estimates], float]:
 def _lost(it: Estimates) -> float:
     last = it.distance[-it.thresholds.lost_steps :]
     return float(last.mean() > it.thresholds.lost) if last.size else math.nan
-
-
-def _far(it: Estimates) -> float:
-    return mean(it.values["outlier_share"][it.common])
 
 
 _THROUGH, _FAR = "weight that came through walls", "weight far from the truth, common states"
@@ -221,11 +185,17 @@ METRICS: tuple[Score, ...] = (
     Score("heading_rmse", "rad", "low", "heading RMSE", lambda it: rms(it.angle)),
     Score("wall_share", "share", "low", "weight in walls", _value_of("wall_share")),
     Score("energy_score", "length", "low", "energy score", _value_of("energy")),
-    *_coverages("states in the {} % credible region", lambda it: it.values["rank"]),
+    *map(_coverage, LEVELS),
     Score("nees", "", "", "NEES; 3 if consistent", _value_of("nees")),
     Score("lost", "share", "low", "lost at the end", _lost),
     Score("wall_step_share", "share", "low", _THROUGH, _value_of("wall_step_share")),
-    Score("outlier_share", "share", "low", _FAR, _far),
+    Score(
+        "outlier_share",
+        "share",
+        "low",
+        _FAR,
+        lambda it: mean(it.values["outlier_share"][it.common]),
+    ),
 )
 
 
@@ -257,10 +227,6 @@ def _committed(run: Journey) -> float:
     return float(run.false[late].any()) if late.any() else math.nan
 
 
-def _committed_steps(run: Journey) -> float:
-    return mean(run.false[run.rated])
-
-
 def _to_recover(run: Journey) -> float:
     return run.metres_to_recover(run.carried)
 
@@ -276,6 +242,7 @@ def _split(run: Journey) -> float:
     return float(masses.min() / masses.sum()) if masses.sum() > 0 else math.nan
 
 
+_COMMITTED = "false commitment, share of steps"
 _AGAIN = f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)"
 _MEDIAN = Score("position_median", "m", "low", "position error, median",
     lambda run: float(np.median(run.distance)), tested=True, digits=3)  # fmt: skip
@@ -284,7 +251,7 @@ _LOST = (
     _success("05m", tested=False),
     _metres("metres_to_localize", "metres to localize", lambda run: run.metres_to_localize),
     Score("false_commitment", "share", "low", "false commitment at the end", _committed),
-    Score("false_steps", "", "low", "false commitment, share of steps", _committed_steps),
+    Score("false_steps", "", "low", _COMMITTED, lambda run: mean(run.false[run.rated])),
 )
 _AMBIGUITY = (
     Score("mass_truth", "", "", "weight near the truth", lambda run: _late_mass(run, 0)),
@@ -325,65 +292,92 @@ def journey_scores(run: Journey, groups: Sequence[ScoreGroup]) -> dict[str, floa
 TRACK_GROUPS = groups_named(["lost", "log"])  # those of a whole log
 
 
-def _within(near: str) -> Score:
-    place = NEAR[near]
-    words = f"share of records within {place.distance:g} m and {math.degrees(place.angle):.0f}°"
-
-    def of(run: ScoredTrack) -> float:
-        return mean(run.track.journey().localized(near))
-
-    return Score(f"within_{near}", "share", "high", words, of)
-
-
-def _p95(run: ScoredTrack) -> float:
-    errors = run.track.errors.translation
-    return float(np.quantile(errors, 0.95)) if errors.size else math.nan
-
-
-def _median(what: str, unit: str, errors: str, *, stamps: bool = False) -> Score:
-    """The median of the errors of all known records, or at the reference's own times."""
-
-    def of(run: ScoredTrack) -> float:
-        off: Floats = getattr(run.track.errors, errors)
-        return middle(off[run.track.at_stamps] if stamps else off)
-
-    name = f"{what}_median_stamps" if stamps else f"{what}_median"
-    words = f"median {what} error" + " at the reference's own times" * stamps
-    return Score(name, unit, "low", words, of)
-
-
 CALIBRATION = {"scale": "", "position": "m", "heading": "rad"}  # its numbers, and their units
-
-
-def _calibrated(name: str, unit: str) -> Score:
-    def of(run: ScoredTrack) -> float:
-        size = metre(run.track.log.unit) if unit == "m" else 1.0
-        return float(getattr(run.calibration, name, math.nan)) / size
-
-    return Score(f"calibration_{name}", unit, "", f"{name} of the calibration", of)
-
-
-_OF_TRACKS: tuple[Score, ...] = (
-    *map(_within, NEAR),
-    _median("position", "m", "translation"),
-    Score("position_p95", "m", "low", "95 % position error", _p95),
-    _median("heading", "rad", "rotation"),
-    _median("position", "m", "translation", stamps=True),
-    _median("heading", "rad", "rotation", stamps=True),
-    Score("lost", "share", "low", "lost at the end", lambda run: run.lost),
-    *_coverages("share inside the {} % region", lambda run: run.fits[:, 0]),
-    Score("nees", "", "", "NEES; 3 if consistent", lambda run: mean(run.fits[:, 1])),
-    Score("log_score", "nats", "low", "log score of the reference pose", lambda run: run.log_score),
-    *(_calibrated(*number) for number in CALIBRATION.items()),
-    Score("ape_rmse", "m", "low", "APE, RMSE", lambda run: run.track.errors.rmse),
-    Score("rpe_rmse", "m", "low", "RPE, RMSE", lambda run: run.track.relative.rmse),
-    Score("agreement_01", "share", "high", "beams within 0.1 m", lambda run: run.agreement[0]),
-    Score("agreement_03", "share", "high", "beams within 0.3 m", lambda run: run.agreement[1]),
-)
-TRACK_SCORES = {score.name: score for score in _OF_TRACKS}
 PUBLISHED = (*(f"coverage_{level}" for level in LEVELS), "nees", "log_score")  # by covariances
 
 
-def track_scores(run: ScoredTrack, names: Collection[str] = TRACK_SCORES) -> dict[str, float]:
-    """Return scores of a track by records; NaN is not available."""
-    return {name: TRACK_SCORES[name].of(run) for name in names}
+def published_scores(
+    track: EstimatedTrack, judged: int = 0, calibration: Any = None
+) -> dict[str, float]:
+    """Return the scores of covariances, at records from ``judged`` on, as a calibration has them.
+
+    None: as believed. The log score is of a density per m² rad.
+    """
+    off, spread = track.deviations(judged)
+    published = spread if calibration is None else calibration.published(spread)
+    fits = calibration_of_gaussians(off, published, track.log.unit)
+    rank, nees, log_score = fits[np.isfinite(fits).all(axis=1)].T
+    per_metre = mean(log_score) - 2 * math.log(metre(track.log.unit))
+    values = *(mean(rank <= level / 100) for level in LEVELS), mean(nees), per_metre
+    return dict(zip(PUBLISHED, values, strict=True))
+
+
+def track_scores(
+    track: EstimatedTrack,
+    judged: int,
+    calibration: Any,
+    thresholds: Thresholds,
+    floor_plan: Map | None,
+) -> dict[str, float]:
+    """Return the scores of a track by records, of ``TRACK_SCORES``; NaN is not available.
+
+    ``judged`` and ``calibration`` are as of ``published_scores``; without a map no beam agrees.
+    """
+    errors, stamps, run = track.errors, track.at_stamps, track.journey()
+    off, turned, size = errors.translation, errors.rotation, metre(track.log.unit)
+    last = off[-thresholds.lost_steps :]
+    within, well = math.nan, math.nan
+    if floor_plan is not None:
+        seen = np.flatnonzero(np.isfinite(track.best[:, 0]))
+        within, well = agreement(track.log.of_records(seen), floor_plan, track.best[seen])
+    lengths = {name: size if unit == "m" else 1.0 for name, unit in CALIBRATION.items()}
+    return {
+        **{f"within_{near}": mean(run.localized(near)) for near in NEAR},
+        "position_median": middle(off),
+        "position_p95": float(np.quantile(off, 0.95)) if off.size else math.nan,
+        "heading_median": middle(turned),
+        "position_median_stamps": middle(off[stamps]),
+        "heading_median_stamps": middle(turned[stamps]),
+        "lost": float(last.mean() > thresholds.lost / size) if last.size else math.nan,
+        **published_scores(track, judged, calibration),
+        **{
+            f"calibration_{name}": float(getattr(calibration, name, math.nan)) / length
+            for name, length in lengths.items()
+        },
+        "ape_rmse": errors.rmse,
+        "rpe_rmse": track.relative.rmse,
+        "agreement_01": within,
+        "agreement_03": well,
+    }
+
+
+def _recorded(name: str, unit: str, better: str, words: str) -> Score:
+    return Score(name, unit, better, words, itemgetter(name))
+
+
+_STAMPS = "at the reference's own times"
+_OF_TRACKS = (
+    _recorded("within_05m", "share", "high", "share of records within 0.5 m and 10°"),
+    _recorded("within_1m", "share", "high", "share of records within 1 m and 30°"),
+    _recorded("position_median", "m", "low", "median position error"),
+    _recorded("position_p95", "m", "low", "95 % position error"),
+    _recorded("heading_median", "rad", "low", "median heading error"),
+    _recorded("position_median_stamps", "m", "low", f"median position error {_STAMPS}"),
+    _recorded("heading_median_stamps", "rad", "low", f"median heading error {_STAMPS}"),
+    _recorded("lost", "share", "low", "lost at the end"),
+    *(
+        _recorded(f"coverage_{level}", "share", "", f"share inside the {level} % region")
+        for level in LEVELS
+    ),
+    _recorded("nees", "", "", "NEES; 3 if consistent"),
+    _recorded("log_score", "nats", "low", "log score of the reference pose"),
+    *(
+        _recorded(f"calibration_{name}", unit, "", f"{name} of the calibration")
+        for name, unit in CALIBRATION.items()
+    ),
+    _recorded("ape_rmse", "m", "low", "APE, RMSE"),
+    _recorded("rpe_rmse", "m", "low", "RPE, RMSE"),
+    _recorded("agreement_01", "share", "high", "beams within 0.1 m"),
+    _recorded("agreement_03", "share", "high", "beams within 0.3 m"),
+)
+TRACK_SCORES = {score.name: score for score in _OF_TRACKS}

@@ -8,14 +8,21 @@ from typing import Any
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import Cloud, Clouds, Surroundings, belief_moments, cloud_of, joined
+from benchmarks.trials.clouds import (
+    Cloud,
+    Clouds,
+    Surroundings,
+    belief_moments,
+    cloud_of,
+    joined,
+    measured,
+)
 from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MapSignals
-from benchmarks.trials.scores import TRACK_GROUPS, Estimates, ScoreGroup, measured, track_scores
+from benchmarks.trials.scores import TRACK_GROUPS, Estimates, ScoreGroup, track_scores
 from benchmarks.trials.tracks import (
     EstimatedTrack,
     Journey,
-    ScoredTrack,
     columns_of,
     half_turned,
     way_driven,
@@ -33,6 +40,7 @@ from localizers.models.motion import increments
 
 _READ = ("feasible", "tempering", "log_evidence")  # of ``PlanReading``
 PLAN_COLUMNS = ("conflict", *_READ, "trusted")
+Measure = Callable[[Clouds], Floats]  # a row for each cloud, (k, c)
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
 _BATCH = 16384  # poses measured in one pass: they fit a core's second cache
@@ -122,9 +130,7 @@ class TrackLog:
 
     def see(self, step: Step) -> None:
         """Take in a record."""
-        points = step.belief.points()
-        if points is None:
-            raise InputError(f"its belief of state {step.t} holds no points of the present.")
+        points: Any = step.belief.points()
         best = best_cluster(*points, unit=self._log.unit).mean
         self._best.append(best)
         self._spread.append(spread_about(best, *points))
@@ -138,8 +144,8 @@ class TrackLog:
     def scores(self) -> dict[str, float]:
         """Return the scores by records that no journey has; NaN is not available."""
         track, judged = self.track, self._judged
-        calibration = calibration_of(track, judged)
-        return track_scores(ScoredTrack(track, judged, calibration, self._thresholds, self._map))
+        by = calibration_of(track, judged)
+        return track_scores(track, judged, by, self._thresholds, self._map)
 
     def journey(self) -> Journey | None:
         """Return the run so far; None without a reference."""
@@ -176,21 +182,20 @@ class Trace:
         self.seconds = 0.0  #: the localizer's time, reset left out
         self.plans: list[list[float]] = []  #: ``plan_row`` after step t = 0 … T
         self._task = task
-        self._truth: list[Reals] = []
-        self._actions: list[Reals | None] = []
+        self.poses: list[Reals] = []  #: the true ones so far
+        self.actions: list[Reals | None] = []  #: that led there
         self._ranges: list[Reals] = []
         self._rated: list[float | None] = []
         self._belief: Any = None
-        self._scored = _Beliefs(asked, partial(measured, task=task), self._truth, self._actions)
-        self._sampled = _Beliefs(
-            _between(asked, self.lag), belief_moments, self._truth, self._actions, PROFILE_STRIDE
-        )
+        between = _between(asked, self.lag)
+        self._scored = _Beliefs(self, asked, partial(measured, task=task))
+        self._sampled = _Beliefs(self, between, belief_moments, PROFILE_STRIDE)
 
     def see(self, step: Step) -> None:
         """Take in a step."""
         self._belief = step.belief
-        self._truth.append(step.truth)
-        self._actions.append(step.action)
+        self.poses.append(step.truth)
+        self.actions.append(step.action)
         self._rated.append(quality_of(step.belief))
         self.plans.append(plan_row(step.belief, step.truth, self._task))
         if step.t > 0:
@@ -203,12 +208,12 @@ class Trace:
     @cached_property
     def truth(self) -> Floats:
         """The true poses x_0 … x_T, (T + 1, 3); NaN where a log has no reference."""
-        return np.array(self._truth, np.float64)
+        return np.array(self.poses, np.float64)
 
     @property
     def steps(self) -> int:
         """Steps carried out, T."""
-        return len(self._truth) - 1
+        return len(self.poses) - 1
 
     @cached_property
     def offsets(self) -> dict[int, Estimates]:
@@ -267,15 +272,9 @@ class _Beliefs:
     """Collects what is believed at some offsets about every n-th state, measured in passes."""
 
     def __init__(
-        self,
-        offsets: Iterable[int],
-        measure: Callable[[Clouds], Floats],
-        truth: Sequence[Reals],
-        actions: Sequence[Reals | None],
-        stride: int = 1,
+        self, trace: Trace, offsets: Sequence[int], measure: Measure, stride: int = 1
     ) -> None:
-        self._offsets, self._measure, self._stride = tuple(offsets), measure, stride
-        self._truth, self._actions = truth, actions  # of all steps, as they come
+        self._trace, self._offsets, self._measure, self._stride = trace, offsets, measure, stride
         self._ahead: dict[int, list[Cloud]] = {}
         self._due: list[Cloud] = []
         self._points = 0  # of those due
@@ -308,11 +307,11 @@ class _Beliefs:
             states = [cloud.state for cloud in self._due]
             moves = np.zeros((len(states), 3))
             commands = {
-                k: own for k, s in enumerate(states) if (own := self._actions[s]) is not None
+                k: own for k, s in enumerate(states) if (own := self._trace.actions[s]) is not None
             }
             if commands:
                 moves[[*commands]] = increments(np.array([*commands.values()]))
-            clouds = joined(self._due, [self._truth[s] for s in states], moves)
+            clouds = joined(self._due, [self._trace.poses[s] for s in states], moves)
             for cloud, row in zip(self._due, self._measure(clouds), strict=True):
                 self._rows[cloud.offset][cloud.state] = row
             self._due, self._points = [], 0

@@ -7,11 +7,10 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import covariance_floor
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import lengths_of, relative
@@ -27,7 +26,6 @@ LAST = 0.25  # share of a run's steps in which a success is localized throughout
 COMMITTED, FAR = 0.5, 2.0  # a belief of a larger quality commits itself; m: off by more, falsely
 RECOVERED, RECOVERED_STEPS = 0.45, 20  # m; 10 s, of two scans each (Fox, Burgard & Thrun 1999)
 ARRIVED = 0.5  # m from the goal
-_METRE = Thresholds(far=1.0, lost=1.0)
 _SAMPLE = 4096  # points at which a map is compared with itself
 _ALIKE = 0.998  # of them: a point on a line between cells may fall to either side
 
@@ -293,45 +291,6 @@ class EstimatedTrack:
         truth = self.best[:0] if self.log.reference is None else self.log.reference[self.known]
         off = of(self.best[self.known], truth)
         return PoseErrors(off.translation / metre(self.log.unit), off.rotation)
-
-
-@dataclass(frozen=True)
-class ScoredTrack:
-    """What the scores of a track by records are of."""
-
-    track: EstimatedTrack
-    judged: int = 0  # first record by which beliefs are judged: those before are fitted to
-    calibration: Any = None  # ``localizers.Calibration`` of what is published; None: as believed
-    thresholds: Thresholds = _METRE
-    floor_plan: Map | None = None  # the map; None: agreement is not available
-
-    @cached_property
-    def fits(self) -> Floats:
-        """Rank, NEES and log score of the reference at each judged record, (k, 3)."""
-        off, spread = self.track.deviations(self.judged)
-        published = spread if self.calibration is None else self.calibration.published(spread)
-        fitted = calibration_of_gaussians(off, published, self.track.log.unit)
-        return fitted[np.isfinite(fitted).all(axis=1)]
-
-    @property
-    def lost(self) -> float:
-        """1 if it is lost in the last steps, else 0; NaN of none."""
-        last = self.track.errors.translation[-self.thresholds.lost_steps :]
-        limit = self.thresholds.lost / metre(self.track.log.unit)
-        return float(last.mean() > limit) if last.size else math.nan
-
-    @property
-    def log_score(self) -> float:
-        """Mean log score, of a density per m² rad."""
-        return mean(self.fits[:, 2]) - 2 * math.log(metre(self.track.log.unit))
-
-    @cached_property
-    def agreement(self) -> tuple[float, ...]:
-        """Shares of the beams that agree with the map at the best clusters."""
-        if self.floor_plan is None:
-            return (math.nan,) * len(AGREE)
-        seen = np.flatnonzero(np.isfinite(self.track.best[:, 0]))
-        return agreement(self.track.log.of_records(seen), self.floor_plan, self.track.best[seen])
 
 
 def calibration_of_gaussians(off: Floats, covariances: Floats, unit: str) -> Floats:
