@@ -195,26 +195,19 @@ def changed(part: str, current: Part, keys: Any, unit: str, kinds: Mapping[str, 
     if isinstance(current, ScanPlugIn) and "kind" not in changes:
         return current.changed(**changes)  # type: ignore[return-value]
     if "kind" in changes:
-        given = _kind_of(part, changes.pop("kind"), kinds)
+        own = ["or your own as file.py:NAME"] if part == "scan" else []
+        given = one_of(f"kind of {part}", changes.pop("kind"), [*kinds, *own])
         kind = kinds[given]
         if type(current) is not kind:
-            known = {own.name for own in fields(kind)}
+            known = {field.name for field in fields(kind)}
             shared = {name: value for name, value in vars(current).items() if name in known}
-            motion = part == "motion"
-            fresh: Any = unknown_motion(given, unit) if motion else scaled(kind(), pixel(unit))
+            fresh: Any = scaled(kind(), pixel(unit))
+            if part == "motion":
+                fresh = unknown_motion(given, unit)
             current = replace(fresh, **shared)
     for key in changes:
         one_of("assumption", f"{part}.{key}", _names(part, current))
     return replace(current, **changes)  # type: ignore[type-var]
-
-
-def _kind_of(part: str, given: Any, kinds: Mapping[str, Any]) -> str:
-    try:
-        return one_of(f"kind of {part}", given, kinds)
-    except InputError as error:
-        if part != "scan":
-            raise
-        raise InputError(f"{str(error).rstrip('.')}, or your own as file.py:NAME.") from None
 
 
 def _names(part: str, current: Any) -> list[str]:

@@ -165,10 +165,9 @@ class RoomScenario(Scenario):
 
     @property
     def scores(self) -> frozenset[str]:
-        """Groups of scores of a whole run that it is about, by the parts that it is made of.
+        """Those of any scenario; on a wrong map, too, a robot that is driven may be lost.
 
-        A robot that is driven by a wrong map, too, may be lost; any other that knows where it
-        starts is to arrive where its route ends, on a wrong map if it drives on what it believes.
+        Any other that knows where it starts is to arrive where its route ends.
         """
         about = super().scores
         if self.world.differs_from_map and self.agent == OPEN_LOOP:
