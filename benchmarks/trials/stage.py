@@ -34,7 +34,7 @@ from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import ScoreGroup, groups_named
 from benchmarks.trials.scoring import TrialRecord, record
 from benchmarks.trials.spec import Provenance, Trial, code_digest, stream, versions
-from benchmarks.trials.trace import JourneyLog, Trace, TrackLog, trace_of
+from benchmarks.trials.trace import JourneyLog, Trace, TrackLog
 from benchmarks.trials.tracks import is_symmetric
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.numerics import Pose
@@ -143,7 +143,7 @@ class Stage:
         """Run the trial, as ``moments`` does, and return its trace."""
         room, steps = self.room, self.moments(driven)
         against = MapSignals(room.floor_plan, room.lidar) if differs(room) else None
-        return trace_of(steps, self.trial.offsets, self.task, self.collector(), against)
+        return Trace(steps, self.trial.offsets, self.task, self.collector(), against)
 
     def check(self) -> None:
         """Begin an episode, make the agent and what the filters assume, without running it."""

@@ -162,7 +162,7 @@ def calibration_of(track: EstimatedTrack, judged: int) -> Calibration | None:
 
 
 class Trace:
-    """An episode, collected step by step: the present, past and future beliefs at these offsets.
+    """An episode that is run to its end: what was believed at these offsets, and what is counted.
 
     ``whole`` collects the run, ``against`` what contradicts the map where the world differs from
     it: both trust the form of a belief.
@@ -170,6 +170,7 @@ class Trace:
 
     def __init__(
         self,
+        episode: Iterable[Step],
         offsets: Iterable[int],
         task: Surroundings,
         whole: JourneyLog | TrackLog | None = None,
@@ -190,9 +191,10 @@ class Trace:
         between = _between(asked, self.lag)
         self._scored = _Beliefs(self, asked, partial(measured, task=task))
         self._sampled = _Beliefs(self, between, belief_moments, PROFILE_STRIDE)
+        for step in episode:
+            self._see(step)
 
-    def see(self, step: Step) -> None:
-        """Take in a step."""
+    def _see(self, step: Step) -> None:
         self._belief = step.belief
         self.poses.append(step.truth)
         self.actions.append(step.action)
@@ -252,20 +254,6 @@ class Trace:
         """The localizer's counts of trouble."""
         events = getattr(self._belief, "events", None)
         return {} if events is None else {name: int(n) for name, n in vars(events).items()}
-
-
-def trace_of(
-    episode: Iterable[Step],
-    offsets: Iterable[int],
-    task: Surroundings,
-    whole: JourneyLog | TrackLog | None = None,
-    against: MapSignals | None = None,
-) -> Trace:
-    """Run an episode to its end, and return its ``Trace``."""
-    trace = Trace(offsets, task, whole, against)
-    for step in episode:
-        trace.see(step)
-    return trace
 
 
 class _Beliefs:

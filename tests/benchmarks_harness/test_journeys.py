@@ -11,7 +11,7 @@ from benchmarks.trials.scores import groups_named, journey_scores
 from benchmarks.trials.scoring import WholeRun, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.trace import JourneyLog, trace_of
+from benchmarks.trials.trace import JourneyLog, Trace
 from benchmarks.trials.tracks import (
     RECOVERED_STEPS,
     Journey,
@@ -182,7 +182,7 @@ def test_a_trial_has_the_scores_that_its_parts_are_about_and_no_others(parts, ab
 def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
     known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
     stage, groups = Stage.of(known), groups_named(["lost"])
-    trace = trace_of(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups))
+    trace = Trace(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups))
     kept = record(trace).journey
     nothing = dict.fromkeys(("metres_to_localize", "false_commitment", "false_steps"), 0)
     assert kept.scores == nothing | {"success_1m": 1, "success_05m": 1}
