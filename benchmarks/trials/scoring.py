@@ -136,7 +136,7 @@ def scores(trace: Trace) -> list[dict[str, Any]]:
 def record(trace: Trace) -> TrialRecord:
     """Return a trial's result; its scores are of the states whose truth is known."""
     whole, quality, profile = trace.whole, trace.quality[1:], error_profile(trace)
-    run = None if whole is None else whole.journey()
+    run = None if whole is None else whole.journey(trace)
     return TrialRecord(
         unit=trace.unit,
         thresholds=trace.thresholds,

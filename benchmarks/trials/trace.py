@@ -44,7 +44,6 @@ Measure = Callable[[Clouds], Floats]  # a row for each cloud, (k, c)
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
 _BATCH = 16384  # poses measured in one pass: they fit a core's second cache
-_NOBODY: Any = None
 
 
 def plan_row(belief: Any, truth: Reals, task: Surroundings) -> list[float]:
@@ -69,51 +68,45 @@ class JourneyLog:
     """Collects a run in a world, to be scored by ``groups``; a step's best cluster once."""
 
     def __init__(self, task: Surroundings, groups: Sequence[ScoreGroup]) -> None:
-        self.groups = groups
-        self._map, self._radius = task.floor_plan, task.radius
+        self.groups, self._map, self._radius = groups, task.floor_plan, task.radius
         self._turned = any(group.name == "ambiguity" for group in groups)
-        self._steps: list[Step] = []
-        self._fixes: list[list[float | None]] = []  # x, y, θ, quality, masses
+        self._steps: list[tuple[bool, Any, Any]] = []  # contact, goal, route
+        self._fixes: list[list[float]] = []  # x, y, θ, masses
 
     def see(self, step: Step) -> None:
         """Take in a step."""
-        self._steps.append(step._replace(belief=_NOBODY))
+        self._steps.append((step.collided, step.goal, step.route))
         points: Any = step.belief.points()
         poses, weights = np.asarray(points[0]), np.asarray(points[1], np.float64)
-        best = best_cluster(poses, weights, unit=self._map.unit).mean
-        row = [*best, quality_of(step.belief)]
+        row = [*best_cluster(poses, weights, unit=self._map.unit).mean]
         if self._turned:
             here = np.asarray(step.truth, np.float64)
             there = half_turned(self._map, here[None])[0]
             row += [weight_near(poses, weights, at, self._map.unit) for at in (here, there)]
         self._fixes.append(row)
 
-    def journey(self) -> Journey:
-        """Return the run so far."""
-        length = metre(self._map.unit)
+    def journey(self, trace: "Trace") -> Journey:
+        """Return the run that has this trace."""
+        length, table = metre(self._map.unit), np.array(self._fixes, np.float64)
         size = np.array([length, length, 1.0])
-        poses = np.array([step.truth for step in self._steps], np.float64)
-        table = np.array(self._fixes, np.float64)
-        off = poses / size - table[:, :3] / size
-        commands = [step.action for step in self._steps if step.action is not None]
-        way = way_driven(commands) / length
-        first, goal = self._steps[0], self._steps[-1].goal
-        planned = math.nan
-        if first.route is not None:
-            planned = float(np.hypot(*np.diff(first.route, axis=0).T).sum())
+        off = trace.truth / size - table[:, :3] / size
+        way = way_driven([action for action in trace.actions if action is not None]) / length
+        (_, _, route), (_, goal, _) = self._steps[0], self._steps[-1]
+        planned = math.nan if route is None else np.hypot(*np.diff(route, axis=0).T).sum()
+        room = self._map.distance(trace.truth[:, :2]).min() - self._radius
         return Journey(
-            steps=np.arange(len(poses)),
+            steps=np.arange(len(table)),
             way=way,
             distance=np.hypot(off[:, 0], off[:, 1]),
             angle=np.abs(arrays.wrapped(off[:, 2])),
-            quality=table[:, 3],
+            quality=trace.quality,
             driven=way,
-            truth=poses / size,
-            collided=np.array([step.collided for step in self._steps]),
-            clearance=float(self._map.distance(poses[:, :2]).min() - self._radius) / length,
+            truth=trace.truth / size,
+            collided=np.array([collided for collided, _, _ in self._steps]),
+            clearance=float(room) / length,
             goal=None if goal is None else np.asarray(goal, np.float64) / length,
-            planned=planned / length,
-            masses=table[:, 4:] if self._turned else None,
+            planned=float(planned) / length,
+            masses=table[:, 3:] if self._turned else None,
         )
 
 
@@ -126,7 +119,6 @@ class TrackLog:
         self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged
         self._best: list[tuple[float, float, float]] = []
         self._spread: list[Floats] = []
-        self._quality: list[float | None] = []
 
     def see(self, step: Step) -> None:
         """Take in a record."""
@@ -134,7 +126,6 @@ class TrackLog:
         best = best_cluster(*points, unit=self._log.unit).mean
         self._best.append(best)
         self._spread.append(spread_about(best, *points))
-        self._quality.append(quality_of(step.belief))
 
     @property
     def track(self) -> EstimatedTrack:
@@ -147,10 +138,10 @@ class TrackLog:
         by = calibration_of(track, judged)
         return track_scores(track, judged, by, self._thresholds, self._map)
 
-    def journey(self) -> Journey | None:
-        """Return the run so far; None without a reference."""
+    def journey(self, trace: "Trace") -> Journey | None:
+        """Return the run that has this trace; None without a reference."""
         track = self.track
-        return track.journey(np.array(self._quality, np.float64)) if track.known.size else None
+        return track.journey(trace.quality) if track.known.size else None
 
 
 def calibration_of(track: EstimatedTrack, judged: int) -> Calibration | None:

@@ -192,10 +192,8 @@ def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
 
 def test_the_run_of_a_kidnapped_robot_is_scored_from_where_it_was_carried_to():
     stage = Stage.of(trial(disturbance=KIDNAP))
-    log = JourneyLog(stage.task, stage.groups)
-    for moment in stage.moments():
-        log.see(moment)
-    run = log.journey()
+    trace = stage.trace()
+    log, run = trace.whole, trace.whole.journey(trace)
     assert run.carried == 40
     assert np.hypot(*(run.truth[40] - run.truth[39])[:2]) > 0.5
     assert run.distance[:40].max() < 0.45 < run.distance[40]

@@ -86,7 +86,7 @@ def record_of(errors, seed=0, localizer="mcl", **how):
     trial = Trial(scenario="replay", localizer=localizer, params=(), lag=0, seed=0, trial=seed)
     scores = {"offset": 0, **dict.fromkeys(SCORE_NAMES, float(np.mean(errors))), "lost": 0.0}
     log = kept_at(errors, **how)
-    journey, track = WholeRun.of(log.journey(), log.groups), RecordedTrack.of(log)
+    journey, track = WholeRun.of(log.track.journey(), log.groups), RecordedTrack.of(log)
     return Finished(
         trial=trial,
         key=f"{localizer}-{seed}",
