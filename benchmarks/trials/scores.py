@@ -351,33 +351,23 @@ def track_scores(
     }
 
 
-def _recorded(name: str, unit: str, better: str, words: str) -> Score:
-    return Score(name, unit, better, words, itemgetter(name))
-
-
 _STAMPS = "at the reference's own times"
-_OF_TRACKS = (
-    _recorded("within_05m", "share", "high", "share of records within 0.5 m and 10°"),
-    _recorded("within_1m", "share", "high", "share of records within 1 m and 30°"),
-    _recorded("position_median", "m", "low", "median position error"),
-    _recorded("position_p95", "m", "low", "95 % position error"),
-    _recorded("heading_median", "rad", "low", "median heading error"),
-    _recorded("position_median_stamps", "m", "low", f"median position error {_STAMPS}"),
-    _recorded("heading_median_stamps", "rad", "low", f"median heading error {_STAMPS}"),
-    _recorded("lost", "share", "low", "lost at the end"),
-    *(
-        _recorded(f"coverage_{level}", "share", "", f"share inside the {level} % region")
-        for level in LEVELS
-    ),
-    _recorded("nees", "", "", "NEES; 3 if consistent"),
-    _recorded("log_score", "nats", "low", "log score of the reference pose"),
-    *(
-        _recorded(f"calibration_{name}", unit, "", f"{name} of the calibration")
-        for name, unit in CALIBRATION.items()
-    ),
-    _recorded("ape_rmse", "m", "low", "APE, RMSE"),
-    _recorded("rpe_rmse", "m", "low", "RPE, RMSE"),
-    _recorded("agreement_01", "share", "high", "beams within 0.1 m"),
-    _recorded("agreement_03", "share", "high", "beams within 0.3 m"),
+_OF_TRACKS = (  # name, unit, which is better, words
+    ("within_05m", "share", "high", "share of records within 0.5 m and 10°"),
+    ("within_1m", "share", "high", "share of records within 1 m and 30°"),
+    ("position_median", "m", "low", "median position error"),
+    ("position_p95", "m", "low", "95 % position error"),
+    ("heading_median", "rad", "low", "median heading error"),
+    ("position_median_stamps", "m", "low", f"median position error {_STAMPS}"),
+    ("heading_median_stamps", "rad", "low", f"median heading error {_STAMPS}"),
+    ("lost", "share", "low", "lost at the end"),
+    *((f"coverage_{k}", "share", "", f"share inside the {k} % region") for k in LEVELS),
+    ("nees", "", "", "NEES; 3 if consistent"),
+    ("log_score", "nats", "low", "log score of the reference pose"),
+    *((f"calibration_{k}", u, "", f"{k} of the calibration") for k, u in CALIBRATION.items()),
+    ("ape_rmse", "m", "low", "APE, RMSE"),
+    ("rpe_rmse", "m", "low", "RPE, RMSE"),
+    ("agreement_01", "share", "high", "beams within 0.1 m"),
+    ("agreement_03", "share", "high", "beams within 0.3 m"),
 )
-TRACK_SCORES = {score.name: score for score in _OF_TRACKS}
+TRACK_SCORES = {row[0]: Score(*row, itemgetter(row[0])) for row in _OF_TRACKS}
