@@ -125,7 +125,7 @@ class Sweep:
     @property
     def agents(self) -> list[str]:
         """Names of the agents that it names."""
-        varied = [_told(agent) for axis in self.vary for agent in axis.get("agent", ())]
+        varied = [agent for axis in self.vary for agent in axis.get("agent", ())]
         agents = varied or ([] if self.agent is None else [self.agent])
         return list(dict.fromkeys(agent.name for agent in agents))
 
@@ -176,12 +176,10 @@ class Sweep:
             tuned: dict[str, Any] = {}  # of the agent, whichever it is
             for name, value in itertools.chain.from_iterable(point):
                 group, _, rest = name.partition(".")
-                if name == "agent":
-                    base[name] = _told(value)
+                if not rest:
+                    base[name] = value
                 elif group == "agent":
                     tuned[rest] = value
-                elif not rest:
-                    base[name] = value
                 elif isinstance(value, Overrides):  # a part beside "none": {look_ahead = 25.0}
                     base[group] |= {f"{rest}.{key}": inner for key, inner in value.items()}
                 else:
@@ -218,7 +216,7 @@ def _axis(given: Any) -> Overrides:
         )
     if not lengths:
         raise InputError("a [[vary]] is empty: give a name and its values.")
-    made_absolute = {"scenario": _scenario, "agent": lambda agent: _agent(agent).json()}
+    made_absolute = {"scenario": _scenario, "agent": _agent}
     return axis | {n: tuple(map(of, axis[n])) for n, of in made_absolute.items() if n in axis}
 
 
@@ -227,14 +225,10 @@ def _rows(axis: Overrides) -> list[list[tuple[str, Any]]]:
     return [[*zip(axis, row, strict=True)] for row in zip(*axis.values(), strict=True)]
 
 
-def _told(agent: Any) -> Named:
-    return agent if isinstance(agent, Named) else Named.told("agent", agent)
-
-
 def _agent(agent: Any) -> Named:
-    found = absolute_agent(_told(agent))
-    _label("agent", found.name)
-    return found
+    named = absolute_agent(agent if isinstance(agent, Named) else Named.told("agent", agent))
+    _label("agent", named.name)
+    return named
 
 
 def _scenario(name: str) -> str:

@@ -311,7 +311,7 @@ class _Names:
             if name == "scenario":
                 return self.scenario(value)
             if name == "agent":
-                return self.agent(value).json()
+                return self.agent(value)
             if group not in PARTS or group == "params":
                 return value
             return getattr(self, group)(Overrides({key: value}))[key]
