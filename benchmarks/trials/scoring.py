@@ -71,9 +71,9 @@ class RecordedTrack(Struct, frozen=True, kw_only=True):
     @classmethod
     def of(cls, log: TrackLog) -> Self:
         """Return what is kept of a track."""
-        x, y, heading = log.track.best.T.tolist()
-        entries = np.asarray(log.track.spread)[:, *_UPPER].T
-        spread = [unless_nan(_short(row, 8)) for row in entries]
+        track = log.track
+        x, y, heading = track.best.T.tolist()
+        spread = [unless_nan(_short(row, 8)) for row in np.asarray(track.spread)[:, *_UPPER].T]
         return cls(best=(x, y, heading), scores=_if_finite(log.scores()), spread=spread)
 
     def on(self, log: Log) -> EstimatedTrack:
