@@ -25,7 +25,7 @@ from benchmarks.setup import Agent
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Point, Pose, Reals
 from deqmcl_gym.validation import InputError, number
-from deqmcl_gym.world.config import WORLDS, Driver, World
+from deqmcl_gym.world.config import WORLDS, Driver, Route, World
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.driver import NO_PLAN, GuidedPlan, Underway
 from deqmcl_gym.world.route import Journeys
@@ -166,13 +166,14 @@ class ToGoal:
     plan_author = "own"
 
     def __init__(self, robot: RobotModel) -> None:
-        self._map, self._px = robot.floor_plan, pixel(robot.floor_plan.unit)
+        self._map, self._off = robot.floor_plan, _OFF * pixel(robot.floor_plan.unit)
         self._world = _in_the_building(robot)
+        self._tolerance = (self._world.route or Route()).tolerance
         self._journeys = Journeys(self._world)
         self._plan: GuidedPlan | None = None
         self._backing: Reals = NO_PLAN
         self._side = 1.0
-        self.goal: Point | None = None
+        self.goal: Point = (math.nan, math.nan)
         self.arc = 0.0
         self.pose: Pose = (0.0, 0.0, 0.0)
 
@@ -192,38 +193,32 @@ class ToGoal:
             turns = [(0.0, self._side * turn)] * round(_BACK_OFF / turn)
             self._backing = np.array([*turns, (step, 0.0), (step, 0.0)], np.float32)
             self._side = -self._side
-        ahead = self._backing if len(self._backing) else self._ahead()
+        ahead = self._backing
+        if not len(ahead) and math.dist(self.pose[:2], self.goal) > self._tolerance:
+            ahead = self._on_its_way()
+        elif not len(ahead):
+            ahead = np.array([(0.0, self._world.lap.turn)], np.float32)
         self._backing = self._backing[1:]
         return ahead[0], ahead[1:]
 
-    def follow(self, course: Course) -> None:
+    def follow(self, course: Course) -> GuidedPlan:
         """Let it follow a course from now on."""
-        assert self._world.driver is not None
-        self._plan = GuidedPlan.of(self._world, self._world.driver, course, _HORIZON)
-        self.arc = 0.0
-
-    def _ahead(self) -> Reals:
-        route = self._world.route
-        assert self.goal is not None
-        assert route is not None
-        if math.dist(self.pose[:2], self.goal) > route.tolerance:
-            planned, count = self._on_its_way().after(Underway(0, self.pose, self.arc, 0.0))
-            return planned[:count]
-        return np.array([(0.0, self._world.lap.turn)], np.float32)
-
-    def _on_its_way(self) -> GuidedPlan:
-        """Find the place on the way; plan another way if there is none."""
-        if self._plan is not None:
-            path = self._plan.course.path
-            self.arc = path.arc(self.pose[:2])
-            place = path.at(self.arc)[:2]
-            near = math.dist(self.pose[:2], place) <= _OFF * self._px
-            if near and not self._map.collides([self.pose], [place], self._world.body)[0]:
-                return self._plan
-        assert self.goal is not None
-        self.follow(self._journeys.onwards(self.goal, self.pose))
-        assert self._plan is not None
+        driver = self._world.driver or Driver()
+        self._plan, self.arc = GuidedPlan.of(self._world, driver, course, _HORIZON), 0.0
         return self._plan
+
+    def _on_its_way(self) -> Reals:
+        """Return the actions from the place on the way; of another way if there is none."""
+        plan = self._plan
+        if plan is not None:
+            self.arc = plan.course.path.arc(self.pose[:2])
+            place = plan.course.path.at(self.arc)[:2]
+            near = math.dist(self.pose[:2], place) <= self._off
+            if not near or self._map.collides([self.pose], [place], self._world.body)[0]:
+                plan = None
+        plan = plan or self.follow(self._journeys.onwards(self.goal, self.pose))
+        planned, count = plan.after(Underway(0, self.pose, self.arc, 0.0))
+        return planned[:count]
 
 
 class Dispatched(ToGoal):
@@ -239,13 +234,11 @@ class Dispatched(ToGoal):
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
         x, y, heading = np.asarray(info["truth"]).tolist()
         self.pose = x, y, heading
-        assert self._world.route is not None
-        if self.goal is None or math.dist(self.goal, (x, y)) <= self._world.route.tolerance:
+        underway = math.dist(self.goal, (x, y)) > self._tolerance  # false of no goal
+        if not underway:
             x, y = self._journeys.between(None, self._rng)[-1].tolist()
-            self.goal = x, y
-            self._plan = None
-        planned, _ = self._on_its_way().after(Underway(0, self.pose, self.arc, 0.0))
-        return planned[0], NO_PLAN
+            self.goal, self._plan = (x, y), None
+        return self._on_its_way()[0], NO_PLAN
 
 
 class OnRoute(ToGoal):

@@ -211,11 +211,7 @@ class ExperimentResults:
     @property
     def _varied(self) -> list[str]:
         """Columns of what was varied, in the order of the axes."""
-        return [
-            column
-            for name in self.sweep.varied
-            if (column := _column(name, self.sweep)) in self.table
-        ]
+        return [column for column in _columns(self.sweep).values() if column in self.table]
 
 
 def run(
@@ -228,15 +224,11 @@ def run(
     integer("trial", trial)
     (name,), factories = named_localizers(localizer)
     with knowing(factories):
-        of = Sweep(
-            title=scenario,
-            scenario=scenario,
-            localizers=(Method(name, Overrides(as_toml(params))),),
-            seed=seed,
-            trials=trial + 1,
-        )
+        method = Method(name, Overrides(as_toml(params)))
+        world: dict[str, Any] = {"scenario": scenario, "seed": seed, "trials": trial + 1}
+        of = Sweep(title=scenario, localizers=(method,), **world)
         stage = Stage.of(of.distinct()[trial])
-        camera, words = camera_of(stage), str(of.localizers[0])
+        camera, words = camera_of(stage), str(method)
         for step in stage.moments():
             yield step._replace(draw=partial(_picture, camera, step, words))
 
@@ -288,19 +280,18 @@ def as_toml(value: Any) -> Any:
 
 def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
     """Return a table with a column for each part of the world, assumption or parameter varied."""
-    for name in sweep.varied:
+    for name, column in _columns(sweep).items():
         group, _, rest = name.partition(".")
         if group in table and rest:
             # a method without the parameter stands beside those with it
-            columns = ("swept", group) if "swept" in table and group == "params" else (group,)
-            rows = zip(*(table[column].map(json.loads) for column in columns), strict=True)
-            told = [ChainMap(*row).get(rest) for row in rows]
-            table[_column(name, sweep)] = told
+            parts = ("swept", group) if "swept" in table and group == "params" else (group,)
+            rows = zip(*(table[part].map(json.loads) for part in parts), strict=True)
+            table[column] = [ChainMap(*row).get(rest) for row in rows]
     return table
 
 
-def _column(name: str, sweep: Sweep) -> str:
-    """Return the last part of a dotted name, or all of it where that is not one's own."""
-    last = [other.rpartition(".")[2] for other in sweep.varied]
-    short = name.rpartition(".")[2]
-    return short if last.count(short) == 1 and short not in _TAKEN else name
+def _columns(sweep: Sweep) -> dict[str, str]:
+    """The last part of each name that is varied, or all of it where that is another's, too."""
+    last = [name.rpartition(".")[2] for name in sweep.varied]
+    taken = _TAKEN | {short for short in last if last.count(short) > 1}
+    return {n: n if s in taken else s for n, s in zip(sweep.varied, last, strict=True)}

@@ -38,6 +38,7 @@ class Still:
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         """Return no plan."""
+        self._rng = rng_of(info)
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
@@ -64,11 +65,9 @@ class RandomWalk(Still):
 
     def __init__(self, robot: RobotModel) -> None:
         super().__init__(robot)
-        self._rng: np.random.Generator | None = None
         self._left = 0  # turns to come, negative to the right
 
     def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:
-        self._rng = self._rng or rng_of(info)
         if info["collided"]:
             self._left = int(self._rng.integers(4, 13)) * int(self._rng.choice((-1, 1)))
         if self._left:
@@ -124,33 +123,30 @@ class LookAhead(Still):
         self._robot = robot
         self._depth = integer("depth", depth, low=1, high=16)
         scan: Any = robot.scan
-        self._variance = getattr(scan, "sigma", _METRE * self._px / 2) ** 2 / getattr(
-            scan, "power", 1.0
-        )
-        self._rng: np.random.Generator | None = None
+        sigma, power = getattr(scan, "sigma", _METRE * self._px / 2), getattr(scan, "power", 1.0)
+        self._variance = sigma**2 / power
         self._queue: list[tuple[float, float]] = []
 
     def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:
-        self._rng = self._rng or rng_of(info)
         if info["collided"]:
             self._queue = []
         if not self._queue:
             if (points := points_of(belief)) is None:
                 return 0.0, _TURN
             poses = np.asarray(drawn_poses(*points, _SAMPLES, self._rng), np.float64)
-            turns = self._turns(self._rng)
+            turns = self._turns()
             with np.errstate(under="ignore"):
                 values = [self._value(poses, each, info) for each in turns]
             self._queue = self._motion(float(turns[int(np.argmax(values))][0]))
         return self._queue.pop(0)
 
-    def _turns(self, rng: np.random.Generator) -> Floats:
+    def _turns(self) -> Floats:
         """Turns before each drive of the motions that are compared, (m, depth)."""
         turns = np.arange(_HEADINGS, dtype=np.float64) * (2 * np.pi / _HEADINGS)
         all_round: Floats = (turns + np.pi) % (2 * np.pi) - np.pi
         if self._depth == 1:
             return all_round[:, None]
-        drawn: Floats = rng.choice(all_round, (_SEQUENCES, self._depth))
+        drawn: Floats = self._rng.choice(all_round, (_SEQUENCES, self._depth))
         return drawn
 
     def _motion(self, turn: float) -> list[tuple[float, float]]:

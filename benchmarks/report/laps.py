@@ -33,7 +33,7 @@ from benchmarks.trials.scores import directions, heading_error, position_error, 
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.trace import Trace, trace_of
+from benchmarks.trials.trace import Trace
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import PREFIX, SUFFIX
 from deqmcl_gym.logs import Log, Trajectory, check_writable, write
@@ -282,7 +282,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str
     film = Film(camera_of(stage), title, LAP_STRIDE)
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
     with showing(mcap, {short_name(title): film.of(stage.moments())}, stage) as rows:
-        trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
+        trace = Trace((moment for (moment,) in rows), trial.offsets, stage.task)
     files = {
         "lap.webp": webp(film.frames, LAP_MILLISECONDS),
         "error.csv": _curves_csv(trace).encode(),

@@ -22,10 +22,10 @@ from benchmarks.robots.played import REPLAY_SCENARIO, Replay
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import Overrides, located
 from benchmarks.tables.text import percent
-from benchmarks.trials.collecting import TrackLog
 from benchmarks.trials.map_signals import known_part
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from benchmarks.trials.trace import TrackLog
 from benchmarks.trials.tracks import AGREE, agreement, calibration_of_gaussians
 from deqmcl_gym.logs import Log, LogWarning, Scanner, read_tum
 from deqmcl_gym.logs.motion import increments_of, lengths_of

@@ -23,9 +23,9 @@ from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import percent
-from benchmarks.trials.collecting import calibration_of
 from benchmarks.trials.scores import track_scores
-from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
+from benchmarks.trials.trace import calibration_of
+from benchmarks.trials.tracks import EstimatedTrack
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
@@ -120,11 +120,11 @@ def runs_of(label: str, estimate: Trajectory, by: Played | Trajectory) -> pd.Dat
     judged = setup.judged or first_judged(track.log) or 0
     runs = {label: None, f"{label}, calibrated": calibration_of(track, judged)}
     scored = {
-        name: ScoredTrack(track, judged, calibration, setup.thresholds, floor_plan)
+        name: track_scores(track, judged, calibration, setup.thresholds, floor_plan)
         for name, calibration in runs.items()
         if name == label or calibration is not None
     }
-    return pd.concat(run_of_track(name, track, track_scores(run)) for name, run in scored.items())
+    return pd.concat(run_of_track(name, track, values) for name, values in scored.items())
 
 
 def estimates_of(words: Sequence[str]) -> dict[str, Trajectory]:

@@ -15,7 +15,7 @@ from benchmarks.setup.documents import parsed
 from benchmarks.setup.logs import REPLAY, LogScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
-from benchmarks.setup.priors import Gaussian
+from benchmarks.setup.scenario import Gaussian
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced

@@ -29,11 +29,16 @@ from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step
-from benchmarks.trials.scores import JOURNEY_SCORES, PUBLISHED, TRACK_SCORES, Score, track_scores
+from benchmarks.trials.scores import (
+    JOURNEY_SCORES,
+    PUBLISHED,
+    TRACK_SCORES,
+    Score,
+    published_scores,
+)
 from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Provenance, Trial
 from benchmarks.trials.stage import Stage, attempt, check_trials, key_of, provenance_of
-from benchmarks.trials.tracks import ScoredTrack
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
 from deqmcl_gym.logs import Log
 from deqmcl_gym.validation import InputError
@@ -260,7 +265,7 @@ def _judged(
         by = Calibration.fitted(*fitted) if any(len(off) for off, _ in each) else Calibration()
     rows = []
     for scores, track in zip(map(_scores, runs), tracks, strict=True):
-        published = track_scores(ScoredTrack(track, 0, by), PUBLISHED) if track else {}
+        published = published_scores(track, 0, by) if track else {}
         rows.append(scores | {BELIEVED: scores.get("coverage_95", math.nan)} | published)
     return rows, by
 

@@ -56,7 +56,7 @@ class Sweep:
         changes_of(self)
         if isinstance(self.localizers, str):
             raise InputError(f"localizers is {self.localizers!r}, but must be a list of names.")
-        methods = [one if isinstance(one, Method) else Method(name=one) for one in self.localizers]
+        methods = (one if isinstance(one, Method) else Method(name=one) for one in self.localizers)
         object.__setattr__(self, "localizers", tuple(methods))
         for name in ("world", "assumed"):  # nested as in TOML, or by dotted name
             object.__setattr__(self, name, Overrides.told(name, getattr(self, name)))
@@ -64,6 +64,11 @@ class Sweep:
         object.__setattr__(self, "vary", tuple(map(_axis, self.vary)))
         if self.agent is not None:
             object.__setattr__(self, "agent", _agent(self.agent))
+        if not self.baseline:
+            object.__setattr__(self, "baseline", self._usual_baseline)
+        self._check()
+
+    def _check(self) -> None:
         integer("lag", self.lag)
         integer("seed", self.seed)
         if self.until_decided is not None:
@@ -80,28 +85,21 @@ class Sweep:
         labels = [_label("label", method.label) for method in self.localizers if method.label]
         if twice := [label for label in labels if labels.count(label) > 1]:
             raise InputError(f"the label {twice[0]!r} is of several localizers: give each its own.")
-        if not self.baseline:
-            object.__setattr__(self, "baseline", self._usual_baseline)
         if self.baseline not in (BASELINE, self._usual_baseline):
             known = [name for one in self.localizers for name in (one.name, one.label) if name]
             one_of("baseline", self.baseline, [*known, *self.agents])
-        self._refuse_twice()
+        for name in self.varied:
+            if name.startswith("agent.") and self.agent is None and "agent" not in self.varied:
+                raise InputError(
+                    f"{name} is varied, but no agent is named: write agent = … beside it."
+                )
+            if self.varied.count(name) > 1:
+                raise InputError(f"{name} is varied twice: name it in one [[vary]].")
         if self.combinations > MOST_TRIALS:
             raise InputError(
                 f"the sweep has {self.combinations:,} trials, more than {MOST_TRIALS:,}: vary "
                 "less, or make several sweeps of it."
             )
-
-    def _refuse_twice(self) -> None:
-        """Refuse a name that is varied twice, or an agent's that is none."""
-        varied = self.varied
-        for name in varied:
-            if name.startswith("agent.") and self.agent is None and "agent" not in varied:
-                raise InputError(
-                    f"{name} is varied, but no agent is named: write agent = … beside it."
-                )
-            if varied.count(name) > 1:
-                raise InputError(f"{name} is varied twice: name it in one [[vary]].")
 
     @property
     def combinations(self) -> int:
@@ -127,10 +125,9 @@ class Sweep:
     @property
     def agents(self) -> list[str]:
         """Names of the agents that it names."""
-        varied = (one for axis in self.vary for one in axis.get("agent", ()))
-        own = [] if self.agent is None else [self.agent]
-        told = [*map(_told, varied)] or own
-        return list(dict.fromkeys(agent.name for agent in told))
+        varied = [agent for axis in self.vary for agent in axis.get("agent", ())]
+        agents = varied or ([] if self.agent is None else [self.agent])
+        return list(dict.fromkeys(agent.name for agent in agents))
 
     @property
     def _usual_baseline(self) -> str:
@@ -141,13 +138,6 @@ class Sweep:
         """The methods with labels as their trials have them."""
         methods = zip(self.cells(), itertools.cycle(self.localizers), strict=False)
         return [replace(cell.method, label=own.label) for cell, own in methods if own.label]
-
-    def listed(self) -> Iterator[Trial]:
-        """Yield all combinations: by setting, then method, world, filter seed."""
-        for cell in self.cells():
-            for world in range(self.trials):
-                for filter_seed in range(self.filter_seeds):
-                    yield replace(cell, trial=world, filter_seed=filter_seed)
 
     def cells(self) -> Iterator[Trial]:
         """Yield the first trial of each setting and method."""
@@ -164,14 +154,13 @@ class Sweep:
         return Overrides(useful) | method.params
 
     def distinct(self) -> list[Trial]:
-        """Return the distinct trials, in the order of ``listed``."""
-        return list(dict.fromkeys(self.listed()))
+        """Return the distinct trials by setting, then method, world, filter seed."""
+        runs = itertools.product(self.cells(), range(self.trials), range(self.filter_seeds))
+        return list(dict.fromkeys(replace(cell, trial=k, filter_seed=f) for cell, k, f in runs))
 
     def canonical(self) -> dict[str, Any]:
         """Return the sweep as JSON-able values: what a folder of results is checked against."""
         said = {name: jsonable(getattr(self, name)) for name in _SAID}
-        said["localizers"] = [method.json() for method in self.localizers]
-        said["vary"] = [axis.json() for axis in self.vary]
         if self.agent is not None:
             said["agent"] = self.agent.json()
         if self.baseline != self._usual_baseline:
@@ -187,12 +176,10 @@ class Sweep:
             tuned: dict[str, Any] = {}  # of the agent, whichever it is
             for name, value in itertools.chain.from_iterable(point):
                 group, _, rest = name.partition(".")
-                if name == "agent":
-                    base[name] = _told(value)
+                if not rest:
+                    base[name] = value
                 elif group == "agent":
                     tuned[rest] = value
-                elif not rest:
-                    base[name] = value
                 elif isinstance(value, Overrides):  # a part beside "none": {look_ahead = 25.0}
                     base[group] |= {f"{rest}.{key}": inner for key, inner in value.items()}
                 else:
@@ -229,7 +216,7 @@ def _axis(given: Any) -> Overrides:
         )
     if not lengths:
         raise InputError("a [[vary]] is empty: give a name and its values.")
-    made_absolute = {"scenario": _scenario, "agent": lambda agent: _agent(agent).json()}
+    made_absolute = {"scenario": _scenario, "agent": _agent}
     return axis | {n: tuple(map(of, axis[n])) for n, of in made_absolute.items() if n in axis}
 
 
@@ -238,14 +225,10 @@ def _rows(axis: Overrides) -> list[list[tuple[str, Any]]]:
     return [[*zip(axis, row, strict=True)] for row in zip(*axis.values(), strict=True)]
 
 
-def _told(agent: Any) -> Named:
-    return agent if isinstance(agent, Named) else Named.told("agent", agent)
-
-
 def _agent(agent: Any) -> Named:
-    found = absolute_agent(_told(agent))
-    _label("agent", found.name)
-    return found
+    named = absolute_agent(agent if isinstance(agent, Named) else Named.told("agent", agent))
+    _label("agent", named.name)
+    return named
 
 
 def _scenario(name: str) -> str:

@@ -73,22 +73,18 @@ class Manifest(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 def manifest_of(sweep: Sweep, command: Sequence[str]) -> Manifest:
     """Return the manifest that a sweep has if it is run now."""
-    now, taken = provenance_of(sweep.cells()), {name: sweep.takes(name) for name in sweep.names}
+    cells = [*sweep.cells()]
+    now, taken = provenance_of(cells), {name: sweep.takes(name) for name in sweep.names}
+    files = [name for trial in cells for name in trial.named if isinstance(name, Placed)]
     return Manifest(
         schema=SCHEMA,
         identity=Identity(now.code, now.libraries, now.plug_ins, sweep=sweep.canonical()),
         parameters={str(n): None if names is None else list(names) for n, names in taken.items()},
         command=list(command),
         environment=environment(),
-        places=places(sweep),
+        places={str(name): name.place for name in files},
         margin=sweep.until_decided,
     )
-
-
-def places(sweep: Sweep) -> dict[str, str]:
-    """Return where the files are that a sweep file named, by the names that it has for them."""
-    named = (name for trial in sweep.cells() for name in trial.named)
-    return {str(name): name.place for name in named if isinstance(name, Placed)}
 
 
 def taken_over(folder: Path, ours: Manifest) -> Manifest:
@@ -100,31 +96,6 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
     if is_empty(folder):
         return ours
     theirs = read_manifest(folder)
-    grown, made = _compared(theirs, ours)
-    if apart := list(differences(_plain(grown), _plain(made.identity))):
-        same = not any(differences(grown.sweep, made.sweep))
-        others = f", or see by deqmcl verify {folder} whether any number differs" if same else ""
-        raise InputError(
-            f"{folder} holds results of something else ({'; '.join(apart)}): give a new --out, or "
-            f"restore what was changed{others}."
-        )
-    if ours.margin not in (None, made.margin):
-        raise InputError(
-            f"{folder} was looked at with --margin {100 * (made.margin or 0.0):g}%, and a margin "
-            f"that is chosen after a look, {100 * ours.margin:g}%, decides nothing: give that of "
-            "before, or a new --out."
-        )
-    for name, digest in theirs.identity.plug_ins.items():
-        if UNREAD in digest:
-            raise InputError(
-                f"{folder} holds results of {name!r}, whose code cannot be read, so nobody knows "
-                "whether it is the same now: give a new --out, or write it into a file.py."
-            )
-    return made
-
-
-def _compared(theirs: Manifest, ours: Manifest) -> tuple[Identity, Manifest]:
-    """Return what a folder is of, as far as ours may grow from it, and ours as it goes on."""
     made, now, before = ours, ours.identity, theirs.identity
     for checked in theirs.verified:
         plug_ins = {**before.plug_ins, **checked.plug_ins}
@@ -136,7 +107,26 @@ def _compared(theirs: Manifest, ours: Manifest) -> tuple[Identity, Manifest]:
             break
     margin = ours.margin if theirs.margin is None else theirs.margin
     made = replace(made, verified=theirs.verified, margin=margin)
-    return _grown(before, made.identity), made
+    grown = _grown(before, made.identity)
+    if apart := list(differences(_plain(grown), _plain(made.identity))):
+        same = not any(differences(grown.sweep, made.sweep))
+        others = f", or see by deqmcl verify {folder} whether any number differs" if same else ""
+        raise InputError(
+            f"{folder} holds results of something else ({'; '.join(apart)}): give a new --out, or "
+            f"restore what was changed{others}."
+        )
+    if ours.margin not in (None, margin):
+        raise InputError(
+            f"{folder} was looked at with --margin {100 * (margin or 0.0):g}%, and a margin "
+            f"that is chosen after a look, {100 * ours.margin:g}%, decides nothing: give that of "
+            "before, or a new --out."
+        )
+    if unread := [name for name, digest in before.plug_ins.items() if UNREAD in digest]:
+        raise InputError(
+            f"{folder} holds results of {unread[0]!r}, whose code cannot be read, so nobody knows "
+            "whether it is the same now: give a new --out, or write it into a file.py."
+        )
+    return made
 
 
 def _grown(theirs: Identity, ours: Identity) -> Identity:

@@ -211,10 +211,7 @@ def results_in(folder: Path | str) -> Results:
 
 def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
     """Return what folders of the same worlds hold; a trial that several have counts once."""
-    each, made = (
-        [results_in(one) for one in folders],
-        [manifest.read_manifest(one) for one in folders],
-    )
+    each, made = [*map(results_in, folders)], [*map(manifest.read_manifest, folders)]
     told: dict[str, Any] = {"code": made[0].identity.code}
     failures: dict[str, Failure] = {}
     left_out: dict[str, str] = {}
@@ -237,19 +234,19 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
         told[str(folder)] = {"command": command_line(own.command)} | own.environment
         failures |= {other.identity.key(one.trial): one for one in own.failures}
         left_out |= {f"{folder}/{name}": why for name, why in own.left_out.items()}
-    kept = {record.key: record for own in each for record in own.records}
-    records = [kept[key] for key in dict.fromkeys(one.key for own in each for one in own.records)]
-    agents = dict.fromkeys(one.trial.agent.name for one in records if one.trial.agent)
+    records = {record.key: record for own in each for record in own.records}
+    drivers = [record.trial.agent for record in records.values()]
+    agents = list(dict.fromkeys(agent.name for agent in drivers if agent))
     usual = len(agents) > 1 and "baseline" not in made[0].sweep  # as ``Sweep`` has it
     return replace(
         each[0],
         title=", ".join(dict.fromkeys(own.title for own in each)),
-        records=records,
-        failures=[failure for key, failure in failures.items() if key not in kept],
-        planned=len(kept.keys() | failures.keys()),
+        records=[*records.values()],
+        failures=[failure for key, failure in failures.items() if key not in records],
+        planned=len(records.keys() | failures.keys()),
         command=list(command),
         environment=told,
-        baseline=next(iter(agents)) if usual else each[0].baseline,
+        baseline=agents[0] if usual else each[0].baseline,
         verified=list(dict.fromkeys(words for own in each for words in own.verified)),
         left_out=left_out,
     )

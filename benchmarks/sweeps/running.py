@@ -40,7 +40,7 @@ from benchmarks.sweeps.results import (
 )
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.panels import trial_words
-from benchmarks.trials.scoring import SCORE_NAMES, Finished, TrialRecord
+from benchmarks.trials.scoring import SCORE_NAMES, TrialRecord
 from benchmarks.trials.spec import Provenance, Trial, environment
 from benchmarks.trials.stage import Outcome, check_trials, provenance_of
 from deqmcl_gym.validation import InputError, one_line, shown
@@ -151,14 +151,13 @@ def counted(
     out: Path, total: int, waiting: int, *, shown: bool = True
 ) -> Iterator[Callable[[bool], None]]:
     """Show a bar on a terminal, elsewhere a line a minute; give what to call with "it failed"."""
-    name = one_line(out.resolve().name)
-    notebook = "ipykernel" in sys.modules
-    failed, lines = 0, shown and not (notebook or sys.stderr.isatty())
-    kept: dict[str, Any] = {"desc": name, "total": total, "initial": total - waiting}
+    name, failed = one_line(out.resolve().name), 0
+    lines = shown and "ipykernel" not in sys.modules and not sys.stderr.isatty()
+    how: dict[str, Any] = {"desc": name, "total": total, "initial": total - waiting}
     if lines:  # what tqdm would print goes nowhere; it counts and estimates
-        kept |= {"file": io.StringIO(), "mininterval": math.inf, "bar_format": _LINE}
-        kept |= {"smoothing": 0.0}
-    with tqdm(**kept, unit="trial", disable=not shown) as bar:
+        how |= {"file": io.StringIO(), "mininterval": math.inf, "bar_format": _LINE}
+        how |= {"smoothing": 0.0}
+    with tqdm(**how, unit="trial", disable=not shown) as bar:
 
         def count(failure: bool) -> None:
             nonlocal failed
@@ -191,12 +190,12 @@ def complete(results: Results, text: str, *, part: bool = False) -> str:
 def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
     """Store what came of a trial; return why it failed, None if it did not."""
     reason = outcome.reason or "no reason was given"
-    if outcome.record is not None:
-        try:
+    try:
+        if outcome.record is not None:
             store.put(key, trial, outcome.record, outcome.seconds)
             return None
-        except ValueError as error:
-            reason = f"its record cannot be kept: {error}"
+    except ValueError as error:
+        reason = f"its record cannot be kept: {error}"
     store.put_failure(key, trial, reason)
     return reason
 
@@ -223,14 +222,11 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
         seconds = _seconds(firsts, engine, provenance_of(firsts))
     words = [*map(trial_words, firsts)]
     alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
-    rows = [
-        [
-            len(own),
-            "failed" if s is None else f"≈ {s:.2f} s",
-            " ".join(part for part in name if part not in alike),
-        ]
-        for name, own, s in zip(words, cells.values(), seconds, strict=True)
-    ]
+    rows, total = [], 0.0
+    for name, own, one in zip(words, cells.values(), seconds, strict=True):
+        rest = " ".join(part for part in name if part not in alike)
+        rows.append((len(own), "failed" if one is None else f"≈ {one:.2f} s", rest))
+        total += (one or 0.0) * len(own)
     jobs = min(jobs or available_cpus(), len(trials))
     most = "" if sweep.until_decided is None else "at most "
     lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
@@ -238,12 +234,11 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
         lines.append(f"{equal:,} combinations equal others and are run once")
     if alike:
         lines.append(f"in all cells: {' '.join(alike)}")
-    lines.append(
-        tabulate(rows[:_CELLS_SHOWN], ["trials", "one trial", "cell"], disable_numparse=True)
-    )
+    header = ["trials", "one trial", "cell"]
+    lines.append(tabulate(rows[:_CELLS_SHOWN], header, disable_numparse=True))
     if len(rows) > _CELLS_SHOWN:
         lines.append(f"… and {len(rows) - _CELLS_SHOWN:,} more cells")
-    s = sum((s or 0.0) * len(own) for own, s in zip(cells.values(), seconds, strict=True)) / jobs
+    s = total / jobs
     needed = f"{s:.0f} s" if s < 90 else f"{s / 60:.0f} min" if s < 5400 else f"{s / 3600:.1f} h"
     lines.append(
         f"{'At most about' if most else 'About'} {needed} with {jobs} job{'s' * (jobs > 1)}: "
@@ -286,28 +281,27 @@ def verify(folder: Path, where: Where, share: float = SAMPLED) -> str:
     if not records:
         raise InputError(f"{folder} has no finished trial: there is nothing to verify.")
     chosen = sample({key: trials[key] for key in records}, now.code, share)
-    differing = compare_again(
-        chosen, now, where, lambda key, found: _difference(records[key], found), folder
-    )
-    if differing:
-        raise DifferentError(_sentence(folder, chosen, differing))
+
+    def difference(key: str, outcome: Outcome) -> str | None:
+        if outcome.record is None:
+            return f"it finished before and fails now: {outcome.reason}"
+        parts = record_parts(records[key]), record_parts(outcome.record)
+        return next(differences(*parts), None)  # times may differ
+
+    if differing := compare_again(chosen, now, where, difference, folder):
+        key = next(key for key in chosen if key in differing)
+        trial = chosen[key]
+        raise DifferentError(
+            f"{folder}: {len(differing)} of {len(chosen)} trials differ from those before; the "
+            f"first is {' '.join(trial_words(trial))}, world {trial.trial}, filter seed "
+            f"{trial.filter_seed}: {differing[key]}. Give a new --out."
+        )
     parts = now.code, now.libraries, now.plug_ins
     checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
     known: list[Provenance] = [made.identity, *made.verified]
     if parts not in [(one.code, one.libraries, one.plug_ins) for one in known]:
         manifest.append(folder, checked)
     return f"{folder}: {checked.words()}; none differs. A sample cannot prove what happens rarely."
-
-
-def _sentence(folder: Path, chosen: Mapping[str, Trial], differing: Mapping[str, str]) -> str:
-    """Say how many trials differ, and how the first one does."""
-    key = next(key for key in chosen if key in differing)
-    trial = chosen[key]
-    return (
-        f"{folder}: {len(differing)} of {len(chosen)} trials differ from those before; the first "
-        f"is {' '.join(trial_words(trial))}, world {trial.trial}, filter seed {trial.filter_seed}: "
-        f"{differing[key]}. Give a new --out."
-    )
 
 
 def compare_again(
@@ -349,22 +343,10 @@ def sample(trials: Mapping[str, Trial], code: str, share: float = SAMPLED) -> di
     return {key: trial for key, trial in trials.items() if key in chosen}
 
 
-def _difference(before: Finished, now: Outcome) -> str | None:
-    """Say where a trial's record differs first, its scores before all else; times may differ."""
-    if now.record is None:
-        return f"it finished before and fails now: {now.reason}"
-    return next(differences(record_parts(before), record_parts(now.record)), None)
-
-
 def record_parts(record: TrialRecord) -> dict[str, Any]:
     """Return all that is in a record by name, its scores first; no times."""
-    scores = {
-        f"{name} at offset {row['offset']}": row[name]
-        for row in record.scores
-        for name in SCORE_NAMES
-    }
-    parts = {
-        name: getattr(record, name) for name in TrialRecord.__struct_fields__ if name != "scores"
-    }
+    rows = {row["offset"]: row for row in record.scores}
+    scores = {f"{n} at offset {k}": row[n] for k, row in rows.items() for n in SCORE_NAMES}
+    parts = {n: getattr(record, n) for n in TrialRecord.__struct_fields__ if n != "scores"}
     others: dict[str, Any] = msgspec.to_builtins(parts, str_keys=True)
     return scores | others

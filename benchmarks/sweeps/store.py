@@ -18,14 +18,7 @@ from msgspec import Meta, Struct
 
 from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.files import (
-    MOST_BYTES,
-    UnreadableError,
-    json_of,
-    opened,
-    typed,
-    writable_folder,
-)
+from deqmcl_gym import files
 from deqmcl_gym.validation import InputError, one_line
 
 try:
@@ -59,21 +52,33 @@ class Store:
     def __init__(self, out: Path, file: IO[bytes] | None = None) -> None:
         self.out, self._file = out, file
         self.rejected: dict[str, str] = {}
-        self._lines: dict[str, tuple[_Line, str]] = {}
+        self._lines: dict[str, _Line] = {}
+        self._names: dict[str, str] = {}  # of those read, by key
         if (out / "trials").is_dir():
             self.rejected["trials"] = "is of release 0.2.0, which kept a file for each trial"
         for path in sorted(out.glob("trials*.jsonl")):
             try:
-                with opened(path) as lines:
+                with files.opened(path) as lines:
                     for number, text in enumerate(lines, 1):
-                        if text.endswith(b"\n") or _is_line(text):  # else it was torn
-                            self._take(f"{path.name}, line {number}", text)
-            except UnreadableError as error:
+                        self._read(f"{path.name}, line {number}", text)
+            except files.UnreadableError as error:
                 self.rejected[path.name] = str(error)
+
+    def _read(self, name: str, text: bytes) -> None:
+        try:
+            self._keep(_line(text), name)
+        except files.UnreadableError as error:
+            if text.endswith(b"\n"):  # else it was torn
+                self.rejected[one_line(name)] = str(error)
+
+    def _keep(self, line: _Line, name: str) -> None:
+        before = self._lines.get(line.key)
+        if line.record is not None or before is None or before.record is None:
+            self._lines[line.key], self._names[line.key] = line, name
 
     def get(self, key: str, trial: Trial) -> Finished | None:
         """Return a finished trial; None if there is none."""
-        line, _ = self._lines.get(key, (None, ""))
+        line = self._lines.get(key)
         if line is None or line.record is None:
             return None
         parts = msgspec.structs.asdict(line.record)
@@ -81,8 +86,8 @@ class Store:
 
     def failure(self, key: str) -> str | None:
         """Return the reason why a trial failed; None if it did not."""
-        line, _ = self._lines.get(key, (None, ""))
-        return None if line is None or line.record is not None else line.reason
+        line = self._lines.get(key)
+        return line.reason if line is not None and line.record is None else None
 
     def put(self, key: str, trial: Trial, record: TrialRecord, seconds: float) -> None:
         """Keep a finished trial; ValueError: it is no record, or a number is not finite."""
@@ -95,31 +100,23 @@ class Store:
 
     def left_out(self, keys: Collection[str], asked: Collection[str]) -> Iterator[tuple[str, str]]:
         """Yield the lines that belong to none of these keys, and why."""
-        for key, (line, name) in self._lines.items():
+        for key, line in self._lines.items():
             if key not in keys:
                 same = named(line.trial) in asked
                 other = "a trial that this sweep does not have"
-                yield name, f"is of {'other code, libraries or plug-ins' if same else other}"
+                why = f"is of {'other code, libraries or plug-ins' if same else other}"
+                yield self._names[key], why
 
     def _append(self, key: str, trial: Trial, parts: dict[str, Any]) -> None:
         if self._file is None:
             raise RuntimeError("the store is only read")
-        text = _json({"key": key, "trial": trial.canonical()} | parts)
+        content = {"key": key, "trial": trial.canonical()} | parts
+        body = json.dumps(content, allow_nan=False, separators=(",", ":")).encode()[:-1]
+        text = b"%s%s%d}\n" % (body, _CRC, zlib.crc32(body))
         line = _line(text)
         self._file.write(text)
         self._file.flush()
         self._keep(line, "")
-
-    def _take(self, name: str, text: bytes) -> None:
-        try:
-            self._keep(_line(text), name)
-        except UnreadableError as error:
-            self.rejected[one_line(name)] = str(error)
-
-    def _keep(self, line: _Line, name: str) -> None:
-        before, _ = self._lines.get(line.key, (None, ""))
-        if line.record is not None or before is None or before.record is None:
-            self._lines[line.key] = line, name
 
 
 @contextmanager
@@ -129,7 +126,7 @@ def writing(out: Path, shard: tuple[int, int] | None = None) -> Iterator[Store]:
     Its lock is the operating system's, which drops it when the process dies.
     """
     name = "trials.jsonl" if shard is None else "trials-{}-of-{}.jsonl".format(*shard)
-    path = writable_folder(out) / name
+    path = files.writable_folder(out) / name
     if path.exists() and not path.is_file():
         raise InputError(f"{path} is in the way of a file of that name: move it away.")
     with path.open("a+b") as file:
@@ -148,11 +145,13 @@ def writing(out: Path, shard: tuple[int, int] | None = None) -> Iterator[Store]:
 def _mend(file: IO[bytes]) -> None:
     """End the last line of a file, or drop it if a process that was killed has torn it."""
     end = file.seek(0, os.SEEK_END)
-    file.seek(max(0, end - MOST_BYTES))
+    file.seek(max(0, end - files.MOST_BYTES))
     last = file.read().rpartition(b"\n")[2]
-    if last and _is_line(last):
-        file.write(b"\n")
-    elif last:
+    try:
+        if last:
+            _line(last)
+            file.write(b"\n")
+    except files.UnreadableError:
         file.truncate(end - len(last))
 
 
@@ -164,20 +163,8 @@ def named(canonical: dict[str, Any]) -> str:
 def _line(text: bytes) -> _Line:
     body, mark, crc = text.rstrip(b"\n").rpartition(_CRC)
     if mark and b"%d}" % zlib.crc32(body) != crc:
-        raise UnreadableError("is not as it was written")
+        raise files.UnreadableError("is not as it was written")
     try:
         return _DECODER.decode(text)
     except (msgspec.MsgspecError, RecursionError):  # or a name that is no UTF-8, as Python has it
-        return typed(json_of(text), _Line)
-
-
-def _is_line(text: bytes) -> bool:
-    try:
-        return bool(_line(text))
-    except UnreadableError:
-        return False
-
-
-def _json(value: dict[str, Any]) -> bytes:
-    body = json.dumps(value, allow_nan=False, separators=(",", ":")).encode()[:-1]
-    return b"%s%s%d}\n" % (body, _CRC, zlib.crc32(body))
+        return files.typed(files.json_of(text), _Line)

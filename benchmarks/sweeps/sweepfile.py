@@ -1,8 +1,9 @@
 """From a TOML file, or the name of a suite or scenario, to a ``Sweep``; see docs/sweeps.md."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from benchmarks.setup.names import (
     absolute_scenario,
 )
 from benchmarks.setup.overrides import (
+    NOTHING,
     Named,
     Overrides,
     listed,
@@ -132,29 +134,25 @@ def sweep_of(
     document does not.
     """
     documents.check_values(given, _KEYS)
-    names = _Names(folder)
-    plain = {k: given[k] for k in ("lag", "seed", "trials", "filter_seeds") if k in given}
-    for key, named in (("scenario", names.scenario), ("agent", names.agent)):
-        if key in given:
-            plain[key] = named(given[key])
-    if "baseline" in given:
-        plain["baseline"] = names.localizer("baseline", given["baseline"])
-    methods = listed("localizers", given.get("localizers", None if base is None else []))
-    said: dict[str, Any] = plain | {
-        "title": documents.as_text("title", given.get("title", title)),
-        "localizers": tuple(names.method(entry) for entry in methods),
-        "world": names.world(Overrides.told("world", given.get("world", {}))),
-        "assumed": names.assumed(Overrides.told("assumed", given.get("assumed", {}))),
-        "params": Overrides.told("params", given.get("params", {})),
-        "disturbance": wrappers("disturbance", given.get("disturbance", [])),
-        "vary": tuple(map(names.axis, listed("vary", given.get("vary", [])))),
-        "until_decided": _until_decided(given.get("until_decided")),
+    names, own = _Names(folder), dict[str, Overrides]()
+    read: dict[str, Callable[[Any], Any]] = {
+        "title": partial(documents.as_text, "title"),
+        "scenario": names.scenario,
+        "localizers": lambda value: tuple(map(names.method, listed("localizers", value))),
+        "world": lambda value: names.world(Overrides.told("world", value)),
+        "assumed": lambda value: names.assumed(Overrides.told("assumed", value)),
+        "disturbance": partial(wrappers, "disturbance"),
+        "agent": names.agent,
+        "params": partial(Overrides.told, "params"),
+        "vary": lambda value: tuple(map(names.axis, listed("vary", value))),
+        "baseline": partial(names.localizer, "baseline"),
+        "until_decided": _until_decided,
     }
-    said["params"], own = _split(said["params"], names)
-    if base is None:
-        sweep = Sweep(takes=takes, **said)
-    else:
-        sweep = replace(base, **{k: value for k, value in said.items() if k in {"title", *given}})
+    whole = {"title": title} | ({"localizers": None} if base is None else {}) | dict(given)
+    values = {key: read[key](value) if key in read else value for key, value in whole.items()}
+    if "params" in values:
+        values["params"], own = _split(values["params"], names)
+    sweep = Sweep(takes=takes, **values) if base is None else replace(base, **values)
     return with_params(sweep, own)
 
 
@@ -181,12 +179,14 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
         sweep = sweep_of(plain, title=sweep.title, folder=Path(), base=sweep)
     params, own = _split(Overrides.told("params", parts["params"]), names)
     lists = {name: v if isinstance(v, list) else [v] for name, v in parts["vary"].items()}
-    axes = [names.axis({name: given}) for name, given in lists.items()]
+    axes = [names.axis({name: values}) for name, values in lists.items()]
+    by_name = {name: axis for axis in axes for name in axis}
+    there = [by_name.pop(next(iter(a)), a) if len(a) == 1 else a for a in sweep.vary]
     changes: dict[str, Any] = {
         "world": sweep.world | names.world(Overrides.told("world", parts["world"])),
         "assumed": sweep.assumed | names.assumed(Overrides.told("assumed", parts["assumed"])),
         "params": sweep.params | params,
-        "vary": _with_axes(sweep.vary, axes),
+        "vary": (*there, *by_name.values()),  # each in the place of the one of its name
     }
     if parts["agent"]:
         if sweep.agent is None:
@@ -202,13 +202,6 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
     varied = [name for name in lists if name.startswith("params.")]
     refuse_idle(changed, [*params, *(name.removeprefix("params.") for name in varied)])
     return changed
-
-
-def _with_axes(axes: Sequence[Overrides], new: Sequence[Overrides]) -> tuple[Overrides, ...]:
-    """Return axes with the new ones, each in the place of the one of its name, if there is one."""
-    by_name = {name: axis for axis in new for name in axis}
-    kept = [by_name.pop(next(iter(a)), a) if len(a) == 1 else a for a in axes]
-    return (*kept, *by_name.values())
 
 
 def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
@@ -234,16 +227,13 @@ def params_by_localizer(
 
 def _split(given: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Overrides]]:
     """Return the parameters of all localizers, and by localizer those that are of one alone."""
-    shared: dict[str, Any] = {}
-    own: dict[str, dict[str, Any]] = {}
+    own: dict[str, Overrides] = {}
     for name, value in given.items():
         localizer, _, key = name.rpartition(".")
         if localizer:
-            own.setdefault(names.localizer("params", localizer), {})[key] = value
-        else:
-            shared[key] = value
-    alone = {localizer: Overrides(values) for localizer, values in own.items()}
-    return Overrides(shared), alone
+            localizer = names.localizer("params", localizer)
+            own[localizer] = own.get(localizer, NOTHING) | {key: value}
+    return Overrides({name: value for name, value in given.items() if "." not in name}), own
 
 
 def check_localizers(named: Sequence[str]) -> None:
@@ -314,7 +304,7 @@ class _Names:
             if name == "scenario":
                 return self.scenario(value)
             if name == "agent":
-                return self.agent(value).json()
+                return self.agent(value)
             if group not in PARTS or group == "params":
                 return value
             return getattr(self, group)(Overrides({key: value}))[key]
@@ -324,8 +314,6 @@ class _Names:
 
 
 def _until_decided(table: Any) -> Any:
-    if table is None:
-        return None
     known = documents.as_table("until_decided", table, "a table like {margin = 0.05}")
     for key in known:
         one_of("key in until_decided", key, ("margin",))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.setup.scenario import Thresholds
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import Floats, Ints, Reals, Singles
+from deqmcl_gym.numerics import Bools, Floats, Ints, Reals, Singles
 from deqmcl_gym.numerics.arrays import cholesky, fit
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST, atan2_64, cos64, sin64, sincos32, wrapped64
@@ -39,7 +39,7 @@ def measure(
     fully: bool,
     out: Floats,
 ) -> None:
-    """Fill in a row of each cloud, (k, 15): moments, Σ w, how many w < 0; if ``fully``, scores.
+    """Fill in a row of each cloud, (k, 15): moments; if ``fully``, scores; Σ w, how many w < 0.
 
     Moments and scores are those of ``belief_scores``; ``floor`` is added to the variances of x, y,
     θ, (3,).
@@ -47,17 +47,14 @@ def measure(
     start = 0
     for k in range(ends.size):
         end = ends[k]
-        x, y = poses[0, start:end].astype(np.float64), poses[1, start:end].astype(np.float64)
-        heading, own = poses[2, start:end].astype(np.float64), weights[start:end].copy()
-        _measure(x, y, heading, own, truth[k], floor, far, fully, out[k])
+        cloud, own = poses[:, start:end].astype(np.float64), weights[start:end].copy()
+        _measure(cloud, own, truth[k], floor, far, fully, out[k])
         start = end
 
 
 @compiled
 def _measure(
-    x: Floats,
-    y: Floats,
-    heading: Floats,
+    cloud: Floats,
     weights: Floats,
     truth: Floats,
     floor: Floats,
@@ -66,6 +63,7 @@ def _measure(
     out: Floats,
 ) -> None:
     n = weights.size
+    x, y, heading = cloud[0], cloud[1], cloud[2]
     c, s, square, off = np.empty(n), np.empty(n), np.zeros(n), np.zeros(n)
     for i in range(n):
         c[i] = cos64(heading[i])
@@ -93,13 +91,13 @@ def _measure(
         below += weights[i] < 0.0
     out[0], out[1], out[2], out[3] = mx, my, mc, ms
     out[4], out[5], out[6], out[7] = vx, vy, vc, vs
-    out[8], out[9], out[10], out[14] = total, below, near, beyond
+    out[8], out[12], out[13], out[14] = near, beyond, total, below
     if n == 1:
-        out[4:8], out[11:14] = math.nan, math.nan
+        out[4:8], out[9:12] = math.nan, math.nan
     elif fully:
         designed = n <= DESIGNED and weights.min() == weights.max()
-        out[10] -= _apart(x, y, weights) if designed else _apart_of_some(x, y, weights)
-        out[11], out[12], out[13] = _of_spread(x, y, heading, weights, out, truth, floor)
+        out[8] -= _apart(x, y, weights) if designed else _apart_of_some(x, y, weights)
+        out[9], out[10], out[11] = _of_spread(cloud, weights, out, truth, floor)
 
 
 @compiled
@@ -145,15 +143,10 @@ def _apart_of_some(x: Floats, y: Floats, weights: Floats) -> Scalar:
 
 @compiled
 def _of_spread(
-    x: Floats,
-    y: Floats,
-    heading: Floats,
-    weights: Floats,
-    mean: Floats,
-    truth: Floats,
-    floor: Floats,
+    cloud: Floats, weights: Floats, mean: Floats, truth: Floats, floor: Floats
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Weight nearer to the mean than the truth is; of (x, y, θ) dᵀ P⁻¹ d, and -log N(d; 0, P)."""
+    x, y, heading = cloud[0], cloud[1], cloud[2]
     n = weights.size
     mx, my, centre = mean[0], mean[1], atan2_64(mean[3], mean[2])
     turned = np.empty(n)
@@ -207,6 +200,10 @@ def steps_back(poses: Reals, moves: Floats, ends: Ints, out: Singles) -> None:
 
 _EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
 _LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far beyond any map
+
+
+# of ``measured``, beside the moments: (k,) each, NaN not available
+COLUMNS = ("energy", "rank", "nees", "log_score", "outlier_share", "wall_share", "wall_step_share")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,19 +274,16 @@ def _numbers(what: str, name: str, given: Any) -> NDArray[Any]:
     return numbers
 
 
-def joined(
-    clouds: Sequence[Cloud], truth: Sequence[Reals], moves: Sequence[Reals] | None = None
-) -> Clouds:
-    """Put clouds together, with the truth (3,) of each state and the increment (3,) on the way."""
+def joined(clouds: Sequence[Cloud], truth: Sequence[Reals], moves: Floats | None = None) -> Clouds:
+    """Put clouds together, with the truth of each state and the increment on the way, (k, 3)."""
     weights = [cloud.weights for cloud in clouds]
-    commanded = np.zeros((len(clouds), 3)) if moves is None else np.array(moves, np.float64)
     return Clouds(
         each=clouds,
         poses=np.concatenate([cloud.poses for cloud in clouds], axis=1),
         weights=np.concatenate(weights),
         ends=np.cumsum([own.size for own in weights]),
         truth=np.array(truth, np.float64),
-        moves=commanded,
+        moves=np.zeros((len(clouds), 3)) if moves is None else moves,
     )
 
 
@@ -298,7 +292,7 @@ def belief_moments(clouds: Clouds) -> Floats:
 
     Weights that add up to 1 but for rounding are divided by their sum first, in place.
     """
-    return _measured(clouds, covariance_floor("px"), 0.0, fully=False)[:, :8]
+    return _measured(clouds, "px", 0.0, fully=False)[:, :8]
 
 
 def belief_scores(clouds: Clouds, unit: str, far: float = math.inf) -> Floats:
@@ -320,16 +314,38 @@ def belief_scores(clouds: Clouds, unit: str, far: float = math.inf) -> Floats:
       Dawid & Sebastiani (1999): proper, and only mean and covariance count.
     - weight farther than ``far`` from the truth.
     """
-    rows = _measured(clouds, covariance_floor(unit), far, fully=True)
-    return np.concatenate([rows[:, :8], rows[:, 10:]], axis=1)
+    return _measured(clouds, unit, far, fully=True)[:, :13]
 
 
-def _measured(clouds: Clouds, floor: Floats, far: float, *, fully: bool) -> Floats:
+def measured(clouds: Clouds, task: Surroundings) -> Floats:
+    """Moments of beliefs, then their ``COLUMNS``, (k, 15).
+
+    The last two are weight on poses where the robot does not fit, and on those whose last step, as
+    commanded along their heading, passed a wall.
+    """
+    floor_plan, poses = task.floor_plan, clouds.poses.T
+    rows = belief_scores(clouds, floor_plan.unit, task.thresholds.far)
+    before = np.empty((2, clouds.weights.size), np.float32)
+    steps_back(clouds.poses, clouds.moves, clouds.ends, before)
+    in_walls = ~floor_plan.free(poses, task.radius)
+    through = floor_plan.collides(before.T, poses, task.radius)
+    return np.column_stack([rows, _weight_of(in_walls, clouds), _weight_of(through, clouds)])
+
+
+def _weight_of(chosen: Bools, clouds: Clouds) -> Floats:
+    """Weight of the poses of each cloud that are chosen, (k,)."""
+    those = np.flatnonzero(chosen)
+    begins = np.searchsorted(those, [0, *clouds.ends[:-1]])
+    padded = np.insert(clouds.weights[those], begins, 0.0)  # each sum begins with 0: none is empty
+    return np.asarray(np.add.reduceat(padded, begins + np.arange(begins.size)))
+
+
+def _measured(clouds: Clouds, unit: str, far: float, *, fully: bool) -> Floats:
     """Return what ``measure`` fills in, of sound clouds only."""
     poses, weights, ends = clouds.poses, clouds.weights, clouds.ends
     out = np.empty((len(clouds.each), 15))
-    measure(poses, weights, ends, clouds.truth, floor, far, fully, out)
-    total, below = out[:, 8], out[:, 9]
+    measure(poses, weights, ends, clouds.truth, covariance_floor(unit), far, fully, out)
+    total, below = out[:, 13], out[:, 14]
     starts = np.concatenate([[0], ends[:-1]])
     largest = np.maximum.reduceat(np.abs(poses), starts, axis=1).T  # NaN if one is
     sound = (np.abs(total - 1) <= SUM_TOLERANCE) & (below == 0)
@@ -338,7 +354,7 @@ def _measured(clouds: Clouds, floor: Floats, far: float, *, fully: bool) -> Floa
         raise _unsound(clouds.each[int(np.argmin(sound))])
     if (np.abs(total - 1) > _EXACT).any():  # NumPy's sums are good to 1e-13
         weights[:] /= np.repeat(total, ends - starts)
-        return _measured(clouds, floor, far, fully=fully)
+        return _measured(clouds, unit, far, fully=fully)
     return out
 
 

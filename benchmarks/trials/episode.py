@@ -55,20 +55,30 @@ def drive(
     Nobody follows it: the belief is None.
     """
     ranges, info = env.reset(seed=seed)
-    truth, action, ended = _truth_of(env, info), None, False
-    plan = agent.plan_at_reset(_seen_by(agent, info, ranges, truth))
+    action: Reals | None = None
+    plan: Reals | None = None
+    ended = False
     for t in count():
+        truth: Reals = info.pop("truth", _UNKNOWN)
+        truth = truth if math.isfinite(truth.sum()) else _UNKNOWN
+        if "goal" in info:  # its route varies in length, so that no env shows it
+            room: Any = env.unwrapped
+            info["route"] = tuple(map(tuple, room.course.path.corners.tolist()))
+        seen = {**info, "ranges": ranges.copy()}
+        if getattr(agent, "sees_truth", False):
+            seen["truth"] = truth.copy()
+        if t == 0:
+            plan = agent.plan_at_reset(seen)
         author = info.get("plan_author") if plan is None else getattr(agent, "plan_author", None)
         shown = info["planned_actions"][: info["planned_count"]] if plan is None else plan
         collided = action is not None and bool(info["collided"])
-        goal, route = info.get("goal"), info.get("route")
-        own = author == "own"
+        goal, route, own = info.get("goal"), info.get("route"), author == "own"
         yield Step(t, truth, ranges, _NOBODY, 0.0, action, shown, collided, goal, route, own=own)
         if ended:
             return
-        choice, plan = agent.act(believed(), _seen_by(agent, info, ranges, truth))
+        choice, plan = agent.act(believed(), seen)
         ranges, _, terminated, truncated, info = env.step(choice)
-        truth, action, ended = _truth_of(env, info), info["command"], terminated or truncated
+        action, ended = info["command"], terminated or truncated
 
 
 def followed(
@@ -111,21 +121,3 @@ def moments(
 ) -> Iterator[Step]:
     """Run one episode and let a localizer follow it; yield each step."""
     return followed(partial(drive, env, agent, seed=seed), localizer, prior, rng)
-
-
-def _truth_of(env: gym.Env[Any, Any], info: dict[str, Any]) -> Reals:
-    """Take the true pose out of ``info``, NaN if unknown; add the route to a goal.
-
-    The route, its corners, varies in length, so that no env shows it.
-    """
-    if "goal" in info:
-        room: Any = env.unwrapped
-        info["route"] = tuple(map(tuple, room.course.path.corners.tolist()))
-    truth: Reals = info.pop("truth", _UNKNOWN)
-    return truth if math.isfinite(truth.sum()) else _UNKNOWN
-
-
-def _seen_by(agent: Agent, info: dict[str, Any], ranges: Reals, truth: Reals) -> dict[str, Any]:
-    """Return what an agent sees of a step."""
-    seen = {**info, "ranges": ranges.copy()}
-    return seen | {"truth": truth.copy()} if getattr(agent, "sees_truth", False) else seen

@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from benchmarks.trials.collecting import unless_nan
 from benchmarks.trials.episode import Step
-from benchmarks.trials.tracks import FOUND, NEAR
+from benchmarks.trials.tracks import FOUND, NEAR, columns_of
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Reals
@@ -26,8 +25,7 @@ _CELL = 0.1  # m, or a cell of the map if that is larger
 APART = 0.5  # m between poses that count as different ones
 
 
-@dataclass(frozen=True)
-class Fit:
+class Fit(NamedTuple):
     """How each beam of scans fits a map, seen from poses, (n, B) each."""
 
     expected: Reals  # ∞ where only unknown cells or nothing is met
@@ -35,19 +33,15 @@ class Fit:
     short: Bools  # that, and clearly less than from every pose nearby
     long: Bools  # that, and clearly more
 
-    @property
-    def explained(self) -> Floats:
-        """Share of the returns of each scan that are neither short nor long, (n,); NaN of none."""
-        return self._share(~(self.short | self.long))
-
-    @property
-    def shares(self) -> tuple[Floats, Floats]:
-        """Share of the returns of each scan that are short, and that are long, (n,) each."""
-        return self._share(self.short), self._share(self.long)
-
-    def _share(self, which: Bools) -> Floats:
+    def share(self, which: Bools) -> Floats:
+        """Share of the returns of each scan that are some, (n,); NaN of none."""
         with np.errstate(invalid="ignore"):
             return np.asarray((which & self.returned).sum(axis=1) / self.returned.sum(axis=1))
+
+    @property
+    def explained(self) -> Floats:
+        """Share of the returns of each scan that are neither short nor long, (n,)."""
+        return self.share(~(self.short | self.long))
 
 
 def known_part(floor_plan: Map) -> Map:
@@ -213,46 +207,36 @@ class MapSignals:
         self._random = Expected.of(self._known, lidar, _anywhere(floor_plan))
         self._lattice = Lattice.over(floor_plan, _ROOM)
         self._from = np.full((self._lattice.size, 2), np.nan)  # the pose of the first one, by cell
-        self._rows: list[list[float]] = []
+        self._rows: list[list[float | None]] = []
 
-    def see(self, moment: Step) -> None:
+    def see(self, step: Step) -> None:
         """Take in a step."""
-        points = moment.belief.points()
-        known = np.isfinite(moment.truth).all()
-        if points is None or moment.t == 0 or not known:
-            self._rows.append([math.nan] * len(MAP_COLUMNS))
+        points = step.belief.points()
+        if points is None or step.t == 0 or not np.isfinite(step.truth).all():
+            self._rows.append([None] * len(MAP_COLUMNS))
             return
         best = np.array(best_cluster(*points, unit=self._known.unit).mean)
-        ranges = np.asarray(moment.ranges, np.float64)
-        fit = Expected.of(self._known, self._lidar, np.array([best, moment.truth])).fit(ranges)
-        explained, (short, long) = fit.explained, fit.shares
+        ranges = np.asarray(step.ranges, np.float64)
+        fit = Expected.of(self._known, self._lidar, np.array([best, step.truth])).fit(ranges)
         with np.errstate(invalid="ignore"):
             at_random = self._random.fit(ranges).explained.max()
-        quality = quality_of(moment.belief)
-        returned = max(int(fit.returned[0].sum()), 1)
-        repeated = self._repeated(best, ranges, fit.short[0], fit.long[0], fit.expected[0])
-        against = int((fit.short[0] | fit.long[0]).sum())
-        near = NEAR[FOUND](best[None], moment.truth, unit=self._known.unit)
-        self._rows.append(
-            [
-                *(float(not near[0]), float(1 - explained[1])),
-                math.nan if quality is None else quality,
-                *(float(explained[0]), float(explained[0] - at_random)),
-                *(float(short[0]), float(long[0])),
-                *(repeated / returned, (against - repeated) / returned),
-            ]
-        )
+        explained, wrong = fit.explained[0], 1 - fit.explained[1]
+        short, long = fit.short[0], fit.long[0]
+        returned, against = max(int(fit.returned[0].sum()), 1), int((short | long).sum())
+        ends = np.where(short, ranges, np.where(long, fit.expected[0], np.inf))
+        repeated = self._repeated(best, ends)
+        near = NEAR[FOUND](best[None], step.truth, unit=self._known.unit)
+        shares = explained, explained - at_random, fit.share(fit.short)[0], fit.share(fit.long)[0]
+        places = repeated / returned, (against - repeated) / returned
+        self._rows.append([not near[0], wrong, quality_of(step.belief), *shares, *places])
 
     def columns(self) -> dict[str, list[float | None]]:
         """Return the rows of the steps t = 1 … T as columns by name."""
-        table: Floats = np.array(self._rows[1:], np.float64).reshape(-1, len(MAP_COLUMNS))
-        return dict(zip(MAP_COLUMNS, map(unless_nan, table.T.tolist()), strict=True))
+        return columns_of(MAP_COLUMNS, self._rows[1:])
 
-    def _repeated(self, best: Floats, ranges: Reals, short: Any, long: Any, expected: Reals) -> int:
-        """Count the beams against the map at a place that was contradicted from elsewhere."""
-        rays = Rays.of(self._lattice, self._lidar, best[None])
-        ends = np.where(short, ranges, np.where(long, expected, np.inf))
-        cells = rays.cells(ends[None])[0]
+    def _repeated(self, best: Floats, ends: Floats) -> int:
+        """Count the beams against the map, with these ends, where it was contradicted before."""
+        cells = Rays.of(self._lattice, self._lidar, best[None]).cells(ends[None])[0]
         cells = cells[cells >= 0]
         off = np.hypot(*(self._from[cells] - best[:2]).T)
         new = np.unique(cells[np.isnan(off)])

@@ -8,28 +8,26 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain, pairwise
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import (
-    Clouds,
-    Surroundings,
-    covariance_floor,
-    steps_back,
-)
+from benchmarks.trials.clouds import COLUMNS, covariance_floor
 from benchmarks.trials.tracks import (
-    AGREEMENTS,
     NEAR,
     RECOVERED,
     RECOVERED_STEPS,
+    EstimatedTrack,
     Journey,
-    ScoredTrack,
+    agreement,
+    calibration_of_gaussians,
+    deviation,
     mean,
     middle,
 )
+from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Indices, Reals, arrays
 
@@ -40,21 +38,32 @@ class Estimates:
 
     states: Indices  # s, (k,), ascending
     truth: Floats  # (k, 3)
-    means: Floats  # of (x, y, cos θ, sin θ), (k, 4)
-    variances: Floats  # of the same; NaN for a belief of one point
-    # (k,), NaN not available: of ``clouds.belief_scores``, and of ``Score.each`` under their names
-    values: dict[str, Floats]
+    table: Floats  # a row of ``clouds.measured`` for each state
     common: Bools  # whether L ≤ s ≤ T - L, the states that every offset estimates, (k,)
     thresholds: Thresholds
     unit: str
 
     @property
+    def means(self) -> Floats:
+        """Means of (x, y, cos θ, sin θ), (k, 4)."""
+        return self.table[:, :4]
+
+    @property
+    def variances(self) -> Floats:
+        """Of the same; NaN for a belief of one point."""
+        return self.table[:, 4:8]
+
+    @cached_property
+    def values(self) -> dict[str, Floats]:
+        """The others by name, as of ``COLUMNS``."""
+        return dict(zip(COLUMNS, self.table[:, 8:].T, strict=True))
+
+    @property
     def scored(self) -> "Estimates":
         """Those of states s ≥ 1 whose truth is known."""
         chosen = (self.states >= 1) & np.isfinite(self.truth[:, 0])
-        names = ("states", "truth", "means", "variances", "common")
-        values = {name: numbers[chosen] for name, numbers in self.values.items()}
-        return replace(self, values=values, **{name: getattr(self, name)[chosen] for name in names})
+        names = ("states", "truth", "table", "common")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     @cached_property
     def error(self) -> Floats:
@@ -111,32 +120,12 @@ def entropy(variances: Floats, unit: str) -> Floats:
     return total
 
 
-def wall_share(clouds: Clouds, task: Surroundings) -> Floats:
-    """Weight on poses where the robot does not fit, (k,)."""
-    return _weight_of(~task.floor_plan.free(clouds.poses.T, task.radius), clouds)
-
-
-def wall_step_share(clouds: Clouds, task: Surroundings) -> Floats:
-    """Weight on poses whose last step, as commanded along their heading, passed a wall, (k,)."""
-    before = np.empty((2, clouds.weights.size), np.float32)
-    steps_back(clouds.poses, clouds.moves, clouds.ends, before)
-    return _weight_of(task.floor_plan.collides(before.T, clouds.poses.T, task.radius), clouds)
-
-
-def _weight_of(chosen: Bools, clouds: Clouds) -> Floats:
-    """Weight of the poses of each cloud that are chosen, (k,)."""
-    those = np.flatnonzero(chosen)
-    cuts = [0, *np.searchsorted(those, clouds.ends).tolist()]
-    return np.array([clouds.weights[those[a:b]].sum() if a < b else 0.0 for a, b in pairwise(cuts)])
-
-
 def rms(values: Floats) -> float:
     """Root of the mean square; NaN of nothing."""
     return float(_root(np.mean, values[None])[0]) if values.size else math.nan
 
 
 LEVELS = (50, 80, 95)  # of the credible regions, per cent
-_FAR_WORDS = "weight far from the truth, common states"
 
 
 @dataclass(frozen=True)
@@ -148,9 +137,7 @@ class Score:
     unit: str
     better: str  # "low", "high", or "" if neither is
     words: str  # heading of its column; a mean over the states if it does not say otherwise
-    of: Callable[[Any], float]  # ``Estimates``, ``Journey`` or ``ScoredTrack``; NaN: not available
-    # what ``of`` needs of the belief about each state, (k,): in ``Estimates.values`` by its name
-    each: Callable[[Clouds, Surroundings], Floats] | None = None
+    of: Callable[[Any], float]  # ``Estimates``, ``Journey`` or ``track_scores``; NaN: unknown
     failed: float = math.nan  # the score of a run that failed; NaN: it is unknown
     tested: bool = False  # whether methods are compared by it
     digits: int | None = None  # behind the point, in tables; None: as the unit has them
@@ -166,58 +153,49 @@ class Score:
         return self.failed == math.inf
 
 
-def _value_of(name: str) -> Callable[[Estimates], float]:
-    return lambda found: mean(found.values[name])
-
-
-def _variance_of(column: int) -> Callable[[Estimates], float]:
-    return lambda found: mean(found.variances[:, column])
-
-
 def _coverage(level: int) -> Score:
-    def inside(found: Estimates) -> float:
-        rank = found.values["rank"]
+    def covered(it: Estimates) -> float:
+        rank = it.values["rank"]
         return mean(np.where(np.isnan(rank), np.nan, rank <= level / 100))
 
     words = f"states in the {level} % credible region"
-    return Score(f"coverage_{level}", "share", "", words, inside)
+    return Score(f"coverage_{level}", "share", "", words, covered)
 
 
-def _lost(found: Estimates) -> float:
-    last = found.distance[-found.thresholds.lost_steps :]
-    return float(last.mean() > found.thresholds.lost) if last.size else math.nan
+def _value_of(name: str) -> Callable[[Estimates], float]:
+    return lambda it: mean(it.values[name])
 
 
-def _sd(values: Floats) -> float:
-    return float(values.std()) if values.size else math.nan
+def _lost(it: Estimates) -> float:
+    last = it.distance[-it.thresholds.lost_steps :]
+    return float(last.mean() > it.thresholds.lost) if last.size else math.nan
 
 
-def _far(found: Estimates) -> float:
-    return mean(found.values["outlier_share"][found.common])
-
-
-def _weight(name: str, words: str, each: Callable[[Clouds, Surroundings], Floats]) -> Score:
-    return Score(name, "share", "low", f"weight {words}", _value_of(name), each)
-
-
+_THROUGH, _FAR = "weight that came through walls", "weight far from the truth, common states"
 METRICS: tuple[Score, ...] = (
     Score("error", "", "low", "error e", lambda it: mean(it.error)),
     Score("error_window", "", "low", "e, common states", lambda it: mean(it.error[it.common])),
-    Score("error_sd_steps", "", "low", "SD of e over the states", lambda it: _sd(it.error)),
+    Score("error_sd_steps", "", "low", "SD of e over the states", lambda it: deviation(it.error)),
     Score("entropy", "nats", "", "entropy", lambda it: mean(entropy(it.variances, it.unit))),
-    Score("var_x", "length²", "", "variance of x", _variance_of(0)),
-    Score("var_y", "length²", "", "variance of y", _variance_of(1)),
-    Score("var_cos", "", "", "variance of cos θ", _variance_of(2)),
-    Score("var_sin", "", "", "variance of sin θ", _variance_of(3)),
+    Score("var_x", "length²", "", "variance of x", lambda it: mean(it.variances[:, 0])),
+    Score("var_y", "length²", "", "variance of y", lambda it: mean(it.variances[:, 1])),
+    Score("var_cos", "", "", "variance of cos θ", lambda it: mean(it.variances[:, 2])),
+    Score("var_sin", "", "", "variance of sin θ", lambda it: mean(it.variances[:, 3])),
     Score("position_rmse", "length", "low", "position RMSE", lambda it: rms(it.distance)),
     Score("heading_rmse", "rad", "low", "heading RMSE", lambda it: rms(it.angle)),
-    _weight("wall_share", "in walls", wall_share),
+    Score("wall_share", "share", "low", "weight in walls", _value_of("wall_share")),
     Score("energy_score", "length", "low", "energy score", _value_of("energy")),
     *map(_coverage, LEVELS),
     Score("nees", "", "", "NEES; 3 if consistent", _value_of("nees")),
     Score("lost", "share", "low", "lost at the end", _lost),
-    _weight("wall_step_share", "that came through walls", wall_step_share),
-    Score("outlier_share", "share", "low", _FAR_WORDS, _far),
+    Score("wall_step_share", "share", "low", _THROUGH, _value_of("wall_step_share")),
+    Score(
+        "outlier_share",
+        "share",
+        "low",
+        _FAR,
+        lambda it: mean(it.values["outlier_share"][it.common]),
+    ),
 )
 
 
@@ -231,9 +209,7 @@ class ScoreGroup:
 
 def _share(name: str, words: str, of: Callable[[Journey], float], *, tested: bool = True) -> Score:
     """A share of runs; one that failed is none of them."""
-    return Score(
-        name, "share", "high", words, lambda run: float(of(run)), failed=0.0, tested=tested
-    )
+    return Score(name, "share", "high", words, of, failed=0.0, tested=tested)
 
 
 def _success(near: str, *, tested: bool) -> Score:
@@ -251,51 +227,43 @@ def _committed(run: Journey) -> float:
     return float(run.false[late].any()) if late.any() else math.nan
 
 
-def _committed_steps(run: Journey) -> float:
-    rated = run.rated
-    return float(run.false[rated].mean()) if rated.any() else math.nan
-
-
 def _to_recover(run: Journey) -> float:
     return run.metres_to_recover(run.carried)
 
 
-def _late_mass(which: int) -> Callable[[Journey], float]:
-    def of(run: Journey) -> float:
-        assert run.masses is not None
-        late = run.masses[run.last]
-        return float(late[:, which].mean()) if late.size else math.nan
-
-    return of
+def _late_mass(run: Journey, which: int) -> float:
+    assert run.masses is not None
+    return mean(run.masses[run.last, which])
 
 
 def _split(run: Journey) -> float:
     """The smaller share of the mass near either place, at the end: ½ undecided, 0 picked one."""
-    masses = np.array([_late_mass(which)(run) for which in (0, 1)])
+    masses = np.array([_late_mass(run, which) for which in (0, 1)])
     return float(masses.min() / masses.sum()) if masses.sum() > 0 else math.nan
 
 
+_COMMITTED = "false commitment, share of steps"
+_AGAIN = f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)"
+_MEDIAN = Score("position_median", "m", "low", "position error, median",
+    lambda run: float(np.median(run.distance)), tested=True, digits=3)  # fmt: skip
 _LOST = (
     _success("1m", tested=True),
     _success("05m", tested=False),
-    _metres("metres_to_localize", "metres to localize", lambda it: it.metres_to_localize),
+    _metres("metres_to_localize", "metres to localize", lambda run: run.metres_to_localize),
     Score("false_commitment", "share", "low", "false commitment at the end", _committed),
-    Score("false_steps", "", "low", "false commitment, share of steps", _committed_steps),
+    Score("false_steps", "", "low", _COMMITTED, lambda run: mean(run.false[run.rated])),
 )
 _AMBIGUITY = (
-    Score("mass_truth", "", "", "weight near the truth", _late_mass(0)),
-    Score("mass_twin", "", "", "weight near its twin", _late_mass(1)),
+    Score("mass_truth", "", "", "weight near the truth", lambda run: _late_mass(run, 0)),
+    Score("mass_twin", "", "", "weight near its twin", lambda run: _late_mass(run, 1)),
     Score("mass_split", "", "", "smaller share of the two", _split),
 )
-_AGAIN = f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)"
 _RECOVERY = (
-    _share("recovered", _AGAIN, lambda run: math.isfinite(_to_recover(run))),
+    _share("recovered", _AGAIN, lambda run: float(math.isfinite(_to_recover(run)))),
     _metres("metres_to_recover", "metres to recover", _to_recover),
 )
-_MEDIAN = Score("position_median", "m", "low", "position error, median",
-    lambda run: float(np.median(run.distance)), tested=True, digits=3)  # fmt: skip
 _DRIVING = (
-    _share("success", "arrived", lambda run: run.arrived),
+    _share("success", "arrived", lambda run: float(run.arrived)),
     Score("spl", "", "high", "SPL", lambda run: run.spl, failed=0.0),
     Score("contacts", "", "low", "contacts", lambda run: float(run.collided.sum())),
     Score("clearance", "m", "high", "least clearance, m", lambda run: run.clearance),
@@ -318,82 +286,88 @@ def groups_named(names: Collection[str]) -> tuple[ScoreGroup, ...]:
 
 def journey_scores(run: Journey, groups: Sequence[ScoreGroup]) -> dict[str, float]:
     """Return the scores of a run by name."""
-    return {score.name: score.of(run) for score in chain.from_iterable(g.scores for g in groups)}
+    return {score.name: score.of(run) for group in groups for score in group.scores}
 
 
 TRACK_GROUPS = groups_named(["lost", "log"])  # those of a whole log
 
 
-def _within(near: str) -> Score:
-    place = NEAR[near]
-    words = f"share of records within {place.distance:g} m and {math.degrees(place.angle):.0f}°"
-
-    def of(run: ScoredTrack) -> float:
-        return mean(run.track.journey().localized(near).astype(np.float64))
-
-    return Score(f"within_{near}", "share", "high", words, of)
-
-
-def _inside(level: int) -> Score:
-    words = f"share inside the {level} % region"
-
-    def of(run: ScoredTrack) -> float:
-        return mean((run.fits[:, 0] <= level / 100).astype(np.float64))
-
-    return Score(f"coverage_{level}", "share", "", words, of)
-
-
-def _p95(run: ScoredTrack) -> float:
-    errors = run.track.errors.translation
-    return float(np.quantile(errors, 0.95)) if run.track.known.size else math.nan
-
-
-def _median(what: str, unit: str, errors: str, *, stamps: bool = False) -> Score:
-    """The median of the errors of all known records, or at the reference's own times."""
-
-    def of(run: ScoredTrack) -> float:
-        found: Floats = getattr(run.track.errors, errors)
-        return middle(found[run.track.at_stamps] if stamps else found)
-
-    name = f"{what}_median_stamps" if stamps else f"{what}_median"
-    words = f"median {what} error" + " at the reference's own times" * stamps
-    return Score(name, unit, "low", words, of)
-
-
 CALIBRATION = {"scale": "", "position": "m", "heading": "rad"}  # its numbers, and their units
-
-
-def _calibrated(name: str, unit: str) -> Score:
-    def of(run: ScoredTrack) -> float:
-        size = metre(run.track.log.unit) if unit == "m" else 1.0
-        return float(getattr(run.calibration, name, math.nan)) / size
-
-    return Score(f"calibration_{name}", unit, "", f"{name} of the calibration", of)
-
-
-_OF_TRACKS: tuple[Score, ...] = (
-    *map(_within, NEAR),
-    _median("position", "m", "translation"),
-    Score("position_p95", "m", "low", "95 % position error", _p95),
-    _median("heading", "rad", "rotation"),
-    _median("position", "m", "translation", stamps=True),
-    _median("heading", "rad", "rotation", stamps=True),
-    Score("lost", "share", "low", "lost at the end", lambda it: it.lost),
-    *map(_inside, LEVELS),
-    Score("nees", "", "", "NEES; 3 if consistent", lambda it: mean(it.fits[:, 1])),
-    Score("log_score", "nats", "low", "log score of the reference pose", lambda it: it.log_score),
-    *(_calibrated(*number) for number in CALIBRATION.items()),
-    Score("ape_rmse", "m", "low", "APE, RMSE", lambda it: it.track.errors.rmse),
-    Score("rpe_rmse", "m", "low", "RPE, RMSE", lambda it: it.track.relative.rmse),
-    Score(AGREEMENTS[0], "share", "high", "beams within 0.1 m", lambda it: it.agreement[0]),
-    Score(AGREEMENTS[1], "share", "high", "beams within 0.3 m", lambda it: it.agreement[1]),
-)
-TRACK_SCORES = {score.name: score for score in _OF_TRACKS}
-
-
 PUBLISHED = (*(f"coverage_{level}" for level in LEVELS), "nees", "log_score")  # by covariances
 
 
-def track_scores(run: ScoredTrack, names: Collection[str] = TRACK_SCORES) -> dict[str, float]:
-    """Return scores of a track by records; NaN is not available."""
-    return {name: TRACK_SCORES[name].of(run) for name in names}
+def published_scores(
+    track: EstimatedTrack, judged: int = 0, calibration: Any = None
+) -> dict[str, float]:
+    """Return the scores of covariances, at records from ``judged`` on, as a calibration has them.
+
+    None: as believed. The log score is of a density per m² rad.
+    """
+    off, spread = track.deviations(judged)
+    published = spread if calibration is None else calibration.published(spread)
+    fits = calibration_of_gaussians(off, published, track.log.unit)
+    rank, nees, log_score = fits[np.isfinite(fits).all(axis=1)].T
+    per_metre = mean(log_score) - 2 * math.log(metre(track.log.unit))
+    values = *(mean(rank <= level / 100) for level in LEVELS), mean(nees), per_metre
+    return dict(zip(PUBLISHED, values, strict=True))
+
+
+def track_scores(
+    track: EstimatedTrack,
+    judged: int,
+    calibration: Any,
+    thresholds: Thresholds,
+    floor_plan: Map | None,
+) -> dict[str, float]:
+    """Return the scores of a track by records, of ``TRACK_SCORES``; NaN is not available.
+
+    ``judged`` and ``calibration`` are as of ``published_scores``; without a map no beam agrees.
+    """
+    errors, stamps, run = track.errors, track.at_stamps, track.journey()
+    off, turned, size = errors.translation, errors.rotation, metre(track.log.unit)
+    last = off[-thresholds.lost_steps :]
+    within, well = math.nan, math.nan
+    if floor_plan is not None:
+        seen = np.flatnonzero(np.isfinite(track.best[:, 0]))
+        within, well = agreement(track.log.of_records(seen), floor_plan, track.best[seen])
+    lengths = {name: size if unit == "m" else 1.0 for name, unit in CALIBRATION.items()}
+    return {
+        **{f"within_{near}": mean(run.localized(near)) for near in NEAR},
+        "position_median": middle(off),
+        "position_p95": float(np.quantile(off, 0.95)) if off.size else math.nan,
+        "heading_median": middle(turned),
+        "position_median_stamps": middle(off[stamps]),
+        "heading_median_stamps": middle(turned[stamps]),
+        "lost": float(last.mean() > thresholds.lost / size) if last.size else math.nan,
+        **published_scores(track, judged, calibration),
+        **{
+            f"calibration_{name}": float(getattr(calibration, name, math.nan)) / length
+            for name, length in lengths.items()
+        },
+        "ape_rmse": errors.rmse,
+        "rpe_rmse": track.relative.rmse,
+        "agreement_01": within,
+        "agreement_03": well,
+    }
+
+
+_STAMPS = "at the reference's own times"
+_OF_TRACKS = (  # name, unit, which is better, words
+    ("within_05m", "share", "high", "share of records within 0.5 m and 10°"),
+    ("within_1m", "share", "high", "share of records within 1 m and 30°"),
+    ("position_median", "m", "low", "median position error"),
+    ("position_p95", "m", "low", "95 % position error"),
+    ("heading_median", "rad", "low", "median heading error"),
+    ("position_median_stamps", "m", "low", f"median position error {_STAMPS}"),
+    ("heading_median_stamps", "rad", "low", f"median heading error {_STAMPS}"),
+    ("lost", "share", "low", "lost at the end"),
+    *((f"coverage_{k}", "share", "", f"share inside the {k} % region") for k in LEVELS),
+    ("nees", "", "", "NEES; 3 if consistent"),
+    ("log_score", "nats", "low", "log score of the reference pose"),
+    *((f"calibration_{k}", u, "", f"{k} of the calibration") for k, u in CALIBRATION.items()),
+    ("ape_rmse", "m", "low", "APE, RMSE"),
+    ("rpe_rmse", "m", "low", "RPE, RMSE"),
+    ("agreement_01", "share", "high", "beams within 0.1 m"),
+    ("agreement_03", "share", "high", "beams within 0.3 m"),
+)
+TRACK_SCORES = {row[0]: Score(*row, itemgetter(row[0])) for row in _OF_TRACKS}

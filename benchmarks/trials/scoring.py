@@ -1,22 +1,33 @@
-"""From a trace to the record of one trial: its scores, one row per offset, and its curves."""
+"""The record of a trial: its scores, a row per offset, its curves, and what is kept of its run."""
 
-from collections.abc import Iterable
-from typing import Annotated, Any
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, Self
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, if_finite, unless_nan
-from benchmarks.trials.scores import METRICS, state_error
+from benchmarks.trials.scores import (
+    JOURNEY_SCORES,
+    METRICS,
+    ScoreGroup,
+    journey_scores,
+    state_error,
+)
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import PROFILE_STRIDE, Trace, plan_columns
-from benchmarks.trials.tracks import mean
+from benchmarks.trials.trace import PROFILE_STRIDE, Trace, TrackLog, plan_columns
+from benchmarks.trials.tracks import EstimatedTrack, Journey, mean, unless_nan
+from deqmcl_gym.logs import Log
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
 
+Number = Annotated[float, Meta(ge=-1e100, le=1e100)]  # squares are finite
 Count = Annotated[int, Meta(ge=0, le=10**9)]
 Offset = Annotated[int, Meta(ge=-(10**9), le=10**9)]
+
+_ENTRIES = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # of a symmetric matrix, in its upper half
+_UPPER = np.triu_indices(3)
 
 
 class ErrorCurve(Struct, frozen=True):
@@ -24,6 +35,54 @@ class ErrorCurve(Struct, frozen=True):
 
     first_state: Count
     error: list[Number | None]
+
+
+class WholeRun(Struct, frozen=True, kw_only=True):
+    """What a trial's record has of its whole run; a score that is None is censored or unknown.
+
+    All curves are at the same steps; "way" is what was driven until then, m.
+    """
+
+    scores: dict[str, Number | None]
+    curves: dict[str, list[Number]]
+
+    def __post_init__(self) -> None:
+        if other := self.scores.keys() - JOURNEY_SCORES.keys():
+            raise ValueError(f"has a score of the whole run named {min(other)[:20]!r}")
+
+    @classmethod
+    def of(cls, run: Journey, groups: Sequence[ScoreGroup]) -> Self:
+        """Return what is kept of a run; curves have four digits, as a long run is many numbers."""
+        curves = {"way": run.way, "distance": run.distance, "angle": run.angle}
+        if run.masses is not None:
+            curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
+        rounded = {name: _short(values, 4) for name, values in curves.items()}
+        return cls(scores=_if_finite(journey_scores(run, groups)), curves=rounded)
+
+
+class RecordedTrack(Struct, frozen=True, kw_only=True):
+    """What the record of a trial on a whole log has of it: best clusters, x, y, θ; scores."""
+
+    best: tuple[list[Number], list[Number], list[Number]]
+    scores: dict[str, Number | None]
+    # second moments of the belief about them: xx, xy, xθ, yy, yθ, θθ; None unknown
+    spread: list[list[Number | None]] | None = None
+
+    @classmethod
+    def of(cls, log: TrackLog) -> Self:
+        """Return what is kept of a track."""
+        track = log.track
+        x, y, heading = track.best.T.tolist()
+        spread = [unless_nan(_short(row, 8)) for row in np.asarray(track.spread)[:, *_UPPER].T]
+        return cls(best=(x, y, heading), scores=_if_finite(log.scores()), spread=spread)
+
+    def on(self, log: Log) -> EstimatedTrack:
+        """Return the track on the log that it is of."""
+        best = np.array(self.best).T
+        if self.spread is None:
+            return EstimatedTrack(log, best)
+        rows = np.array(self.spread, np.float64).T[:, _ENTRIES]
+        return EstimatedTrack(log, best, rows)
 
 
 class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -67,49 +126,55 @@ class Finished(TrialRecord, frozen=True, kw_only=True):
 
 def scores(trace: Trace) -> list[dict[str, Any]]:
     """Score each offset of a trace by every metric, a row each; NaN is not available."""
+    scored = {offset: held.scored for offset, held in trace.offsets.items()}
     return [
-        {"offset": offset} | {metric.name: metric.of(estimates) for metric in METRICS}
-        for offset, held in trace.offsets.items()
-        for estimates in [held.scored]
+        {"offset": offset} | {metric.name: metric.of(held) for metric in METRICS}
+        for offset, held in scored.items()
     ]
 
 
 def record(trace: Trace) -> TrialRecord:
     """Return a trial's result; its scores are of the states whose truth is known."""
-    quality, held = trace.quality[1:], error_profile(trace)
+    whole, quality, profile = trace.whole, trace.quality[1:], error_profile(trace)
+    run = None if whole is None else whole.journey(trace)
     return TrialRecord(
         unit=trace.unit,
         thresholds=trace.thresholds,
-        scores=[if_finite(row) for row in scores(trace)],
+        scores=[_if_finite(row) for row in scores(trace)],
         curves={
             offset: ErrorCurve(int(held.states[0]), unless_nan(_short(held.error)))
             for offset, held in trace.offsets.items()
         },
         # with all digits: it is about how near it is to 1
         quality=None if np.isnan(quality).all() else unless_nan(quality.tolist()),
-        profile=dict(zip(held, _short(held.values()), strict=True)),
+        profile=dict(zip(profile, _short(profile.values()), strict=True)),
         steps_done=trace.steps,
         scans_used=trace.scans_used,
         events=trace.events,
         plan=plan_columns(trace.plans[1:]),
-        against_map=trace.against_map,
-        journey=trace.journey,
-        track=trace.track,
+        against_map=None if trace.against is None else trace.against.columns(),
+        journey=None if whole is None or run is None else WholeRun.of(run, whole.groups),
+        track=RecordedTrack.of(whole) if isinstance(whole, TrackLog) else None,
     )
 
 
 def error_profile(trace: Trace) -> dict[int, float]:
     """Mean error e by offset, each over the same states: every 5th with L ≤ s ≤ T - L."""
-    held = {k: (one.states, one.means) for k, one in trace.offsets.items()} | trace.profile
+    tables = {k: (held.states, held.table) for k, held in trace.offsets.items()} | trace.profile
     errors = {}
-    for offset, (states, means) in held.items():
+    for offset, (states, table) in tables.items():
         shared = (states >= trace.lag) & (states <= trace.steps - trace.lag)
         shared &= (states % PROFILE_STRIDE == 0) & np.isfinite(trace.truth[states, 0])
         if shared.any():
-            errors[offset] = mean(state_error(means[shared], trace.truth[states[shared]]))
+            errors[offset] = mean(state_error(table[shared, :4], trace.truth[states[shared]]))
     return errors
 
 
-def _short(values: Iterable[float]) -> list[float]:
-    """Return values with six digits: enough for a curve."""
-    return [float(f"{value:.6g}") for value in values]
+def _short(values: Iterable[float], figures: int = 6) -> list[float]:
+    """Return values with some digits: six are enough for a curve."""
+    return [float(f"{value:.{figures}g}") for value in values]
+
+
+def _if_finite(scores: Mapping[str, float]) -> dict[str, float | None]:
+    """Return scores as a record has them: an infinite one and an unknown one are None."""
+    return {name: value if math.isfinite(value) else None for name, value in scores.items()}

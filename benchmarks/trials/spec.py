@@ -131,23 +131,26 @@ class Trial:
 
     def filter_rng(self) -> np.random.Generator:
         """Return the stream of (seed, trial, filter_seed): all filters start from one cloud."""
-        key = (self.trial, _FILTER, self.filter_seed)
-        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+        return stream(self.seed, self.trial, _FILTER, self.filter_seed)
 
     def start_rng(self) -> np.random.Generator:
         """Return the stream of a prior that is drawn: a function of (seed, trial, filter_seed)."""
-        key = (self.trial, _START, self.filter_seed)
-        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+        return stream(self.seed, self.trial, _START, self.filter_seed)
 
     def canonical(self) -> dict[str, Any]:
         """Return the trial as JSON-able values in a fixed order; an agent only if it has one."""
-        said = {own.name: jsonable(getattr(self, own.name)) for own in fields(self)}
-        return {name: value for name, value in said.items() if name != "agent" or value}
+        values = {part.name: jsonable(getattr(self, part.name)) for part in fields(self)}
+        return {name: value for name, value in values.items() if name != "agent" or value}
 
     def key(self, provenance: str) -> str:
         """Name of its result: a hash of the canonical configuration and of what computes it."""
         words = json.dumps([self.canonical(), provenance], sort_keys=True, allow_nan=False)
         return hashlib.sha256(words.encode()).hexdigest()[:32]
+
+
+def stream(seed: int, *key: int) -> np.random.Generator:
+    """Return the random numbers of a seed and a key."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def changes_of(given: Any) -> None:
@@ -205,9 +208,9 @@ def _files(package: str) -> list[tuple[Path, str]]:
     """Return the source files of a package or module, with their names in it."""
     spec = find_spec(package)
     origin = Path(str(spec and spec.origin))
-    module = spec is None or spec.submodule_search_locations is None
-    folder = (*origin.parent.rglob("*.py"), *origin.parent.rglob("*.toml"))  # as of scenarios
-    paths = [origin] if module else sorted(folder)
+    paths = [origin]
+    if spec is not None and spec.submodule_search_locations is not None:
+        paths = sorted([*origin.parent.rglob("*.py"), *origin.parent.rglob("*.toml")])
     if not paths or not all(path.suffix in (".py", ".toml") and path.is_file() for path in paths):
         raise InputError(
             f"results are kept under a digest of the code, but {origin} is no source: unpack "

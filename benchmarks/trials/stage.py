@@ -10,10 +10,9 @@ from contextlib import AbstractContextManager
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
-from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import gymnasium as gym
 import numpy as np
@@ -30,13 +29,12 @@ from benchmarks.setup.names import (
 )
 from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
-from benchmarks.trials.collecting import JourneyLog, TrackLog
 from benchmarks.trials.episode import Step, drive, followed, sees_belief
 from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import ScoreGroup, groups_named
 from benchmarks.trials.scoring import TrialRecord, record
-from benchmarks.trials.spec import Provenance, Trial, code_digest, versions
-from benchmarks.trials.trace import Trace, trace_of
+from benchmarks.trials.spec import Provenance, Trial, code_digest, stream, versions
+from benchmarks.trials.trace import JourneyLog, Trace, TrackLog
 from benchmarks.trials.tracks import is_symmetric
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.numerics import Pose
@@ -50,11 +48,7 @@ DISTURBANCES = MappingProxyType(
 )
 
 
-class Drive(NamedTuple):
-    """An episode in which no belief has a part."""
-
-    start: Pose  # the expected one
-    steps: tuple[Step, ...]
+Drive = tuple[Pose, tuple[Step, ...]]  # an expected start, and an episode without any belief
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,8 +101,7 @@ class Stage:
         if self.scenario.judged is None:
             return self.trial.filter_rng()
         number, run = self.trial.run
-        key = (number, run) if run else (number,)
-        return np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
+        return stream(self.trial.seed, number, *((run,) if run else ()))
 
     def collector(self) -> JourneyLog | TrackLog | None:
         """Return what keeps its journey, or its track on a whole log; None if nothing is asked."""
@@ -130,29 +123,27 @@ class Stage:
             return None
         steps = drive(self.env, agent, lambda: None, seed=self.trial.world_seed)
         first = next(steps)
-        return Drive(self.room.expected_start, (first, *steps))
+        return self.room.expected_start, (first, *steps)
 
     def moments(self, driven: Drive | None = None) -> Iterator[Step]:
         """Run the trial, or let its localizer follow what was ``driven``; yield each step.
 
         What the localizer is made for is a copy of its own.
         """
+        start, steps = driven or (None, None)
 
-        def steps(believed: Callable[[], Any]) -> Iterable[Step]:
-            if driven is not None:
-                return driven.steps
-            return drive(self.env, self._agent(), believed, seed=self.trial.world_seed)
+        def run(believed: Callable[[], Any]) -> Iterable[Step]:
+            return steps or drive(self.env, self._agent(), believed, seed=self.trial.world_seed)
 
-        start = None if driven is None else driven.start
         copies: dict[int, Any] = {}  # the prior's map is the robot's
         localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **self.trial.params)
-        return followed(steps, localizer, lambda: deepcopy(self.prior(start), copies), self.stream)
+        return followed(run, localizer, lambda: deepcopy(self.prior(start), copies), self.stream)
 
     def trace(self, driven: Drive | None = None) -> Trace:
         """Run the trial, as ``moments`` does, and return its trace."""
         room, steps = self.room, self.moments(driven)
         against = MapSignals(room.floor_plan, room.lidar) if differs(room) else None
-        return trace_of(steps, self.trial.offsets, self.task, self.collector(), against)
+        return Trace(steps, self.trial.offsets, self.task, self.collector(), against)
 
     def check(self) -> None:
         """Begin an episode, make the agent and what the filters assume, without running it."""
@@ -170,21 +161,20 @@ class Stage:
 def check_trials(trials: Iterable[Trial]) -> None:
     """Build each world, what its filters assume, its agent, and each localizer there, once."""
     seen: set[str] = set()
-    for driven, own in groupby(trials, lambda t: repr((_setting_of(t), t.agent))):
-        listed = {repr((_setting_of(t), t.localizer, t.params)): t for t in own}
-        new = [trial for method, trial in listed.items() if method not in seen]
-        if not new and driven in seen:
+    stage, last = None, ""
+    for trial in trials:
+        setting = trial.scenario, trial.world, trial.assumed, trial.disturbance
+        driven = repr((setting, trial.agent))
+        method = repr((setting, trial.localizer, trial.params))
+        stage, last = stage if driven == last else None, driven
+        if {driven, method} <= seen:
             continue
-        stage = Stage.of(next(iter(listed.values())))
+        stage = stage or Stage.of(trial)
         if driven not in seen:
             stage.check()
-        for trial in new:
+        if method not in seen:
             make(trial.localizer, stage.robot, **trial.params)
-        seen |= {driven, *listed}
-
-
-def _setting_of(trial: Trial) -> tuple[object, ...]:
-    return trial.scenario, trial.world, trial.assumed, trial.disturbance
+        seen |= {driven, method}
 
 
 def _errors_name(scenario_name: str) -> AbstractContextManager[None]:

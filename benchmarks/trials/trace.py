@@ -1,8 +1,8 @@
-"""What is kept of an episode: beliefs about each state by offset, and how each plan was read."""
+"""What is kept of an episode: beliefs about each state by offset, and the whole run if asked."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,34 +13,45 @@ from benchmarks.trials.clouds import (
     Clouds,
     Surroundings,
     belief_moments,
-    belief_scores,
     cloud_of,
     joined,
+    measured,
 )
-from benchmarks.trials.collecting import JourneyLog, RecordedTrack, TrackLog, WholeRun, unless_nan
 from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MapSignals
-from benchmarks.trials.scores import METRICS, Estimates
-from deqmcl_gym.numerics import Floats, Indices, Reals
+from benchmarks.trials.scores import TRACK_GROUPS, Estimates, ScoreGroup, track_scores
+from benchmarks.trials.tracks import (
+    EstimatedTrack,
+    Journey,
+    columns_of,
+    half_turned,
+    way_driven,
+    weight_near,
+)
+from deqmcl_gym.logs import Log
+from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.map import metre
+from deqmcl_gym.numerics import Floats, Indices, Reals, arrays
 from deqmcl_gym.validation import InputError
-from localizers import Belief, quality_of
+from localizers import Calibration, best_cluster, quality_of
+from localizers.calibration import spread_about
 from localizers.models.feasibility import PlanSensor
 from localizers.models.motion import increments
 
 _READ = ("feasible", "tempering", "log_evidence")  # of ``PlanReading``
 PLAN_COLUMNS = ("conflict", *_READ, "trusted")
+_UNREAD = [math.nan] * len(PLAN_COLUMNS)
+Measure = Callable[[Clouds], Floats]  # a row for each cloud, (k, c)
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
 _BATCH = 16384  # poses measured in one pass: they fit a core's second cache
-_CALIBRATION = ("energy", "rank", "nees", "log_score", "outlier_share")
-_EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
 
 def plan_row(belief: Any, truth: Reals, task: Surroundings) -> list[float]:
     """Return whether the plan collides from the true pose, then signals; NaN if none was read."""
     reading = getattr(belief, "plan_reading", None)
     if reading is None or np.isnan(reading.feasible):
-        return [np.nan] * len(PLAN_COLUMNS)
+        return _UNREAD
     sensor = PlanSensor(floor_plan=task.floor_plan, radius=task.radius)
     pose = np.asarray(truth, np.float32)[:, None]
     known = np.isfinite(pose).all()
@@ -50,108 +61,180 @@ def plan_row(belief: Any, truth: Reals, task: Surroundings) -> list[float]:
 
 
 def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None]] | None:
-    """Return the rows of the steps t = 1 … T as columns by name; None if no plan was read."""
-    table: Floats = np.array(rows, np.float64).reshape(len(rows), len(PLAN_COLUMNS))
-    if np.isnan(table).all():
+    """Return the rows of steps as columns by name; None if no plan was read."""
+    return None if np.isnan(rows).all() else columns_of(PLAN_COLUMNS, rows)
+
+
+class JourneyLog:
+    """Collects a run in a world, to be scored by ``groups``; a step's best cluster once."""
+
+    def __init__(self, task: Surroundings, groups: Sequence[ScoreGroup]) -> None:
+        self.groups, self._map, self._radius = groups, task.floor_plan, task.radius
+        self._turned = any(group.name == "ambiguity" for group in groups)
+        self._steps: list[tuple[bool, Any, Any]] = []  # contact, goal, route
+        self._fixes: list[list[float]] = []  # x, y, θ, masses
+
+    def see(self, step: Step) -> None:
+        """Take in a step."""
+        self._steps.append((step.collided, step.goal, step.route))
+        points: Any = step.belief.points()
+        poses, weights = np.asarray(points[0]), np.asarray(points[1], np.float64)
+        row = [*best_cluster(poses, weights, unit=self._map.unit).mean]
+        if self._turned:
+            here = np.asarray(step.truth, np.float64)
+            there = half_turned(self._map, here[None])[0]
+            row += [weight_near(poses, weights, at, self._map.unit) for at in (here, there)]
+        self._fixes.append(row)
+
+    def journey(self, trace: "Trace") -> Journey:
+        """Return the run that has this trace."""
+        length, table = metre(self._map.unit), np.array(self._fixes, np.float64)
+        size = np.array([length, length, 1.0])
+        off = trace.truth / size - table[:, :3] / size
+        way = way_driven([action for action in trace.actions if action is not None]) / length
+        (_, _, route), (_, goal, _) = self._steps[0], self._steps[-1]
+        planned = math.nan if route is None else np.hypot(*np.diff(route, axis=0).T).sum()
+        room = self._map.distance(trace.truth[:, :2]).min() - self._radius
+        return Journey(
+            steps=np.arange(len(table)),
+            way=way,
+            distance=np.hypot(off[:, 0], off[:, 1]),
+            angle=np.abs(arrays.wrapped(off[:, 2])),
+            quality=trace.quality,
+            driven=way,
+            truth=trace.truth / size,
+            collided=np.array([collided for collided, _, _ in self._steps]),
+            clearance=float(room) / length,
+            goal=None if goal is None else np.asarray(goal, np.float64) / length,
+            planned=float(planned) / length,
+            masses=table[:, 3:] if self._turned else None,
+        )
+
+
+class TrackLog:
+    """Collects the track of a run on a log, and scores it by its records."""
+
+    groups = TRACK_GROUPS
+
+    def __init__(self, log: Log, floor_plan: Map, thresholds: Thresholds, judged: int) -> None:
+        self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged
+        self._best: list[tuple[float, float, float]] = []
+        self._spread: list[Floats] = []
+
+    def see(self, step: Step) -> None:
+        """Take in a record."""
+        points: Any = step.belief.points()
+        best = best_cluster(*points, unit=self._log.unit).mean
+        self._best.append(best)
+        self._spread.append(spread_about(best, *points))
+
+    @property
+    def track(self) -> EstimatedTrack:
+        """The track so far."""
+        return EstimatedTrack(self._log, np.array(self._best, np.float64), np.array(self._spread))
+
+    def scores(self) -> dict[str, float]:
+        """Return the scores by records that no journey has; NaN is not available."""
+        track, judged = self.track, self._judged
+        by = calibration_of(track, judged)
+        return track_scores(track, judged, by, self._thresholds, self._map)
+
+    def journey(self, trace: "Trace") -> Journey | None:
+        """Return the run that has this trace; None without a reference."""
+        track = self.track
+        return track.journey(trace.quality) if track.known.size else None
+
+
+def calibration_of(track: EstimatedTrack, judged: int) -> Calibration | None:
+    """Return the calibration that fits the records before one; None if there are none."""
+    if not judged or track.spread is None:
         return None
-    return dict(zip(PLAN_COLUMNS, map(unless_nan, table.T.tolist()), strict=True))
+    off, spread = track.deviations(0, judged)
+    return Calibration.fitted(off, spread) if len(off) else None
 
 
-@dataclass(frozen=True, kw_only=True)
 class Trace:
-    """An episode as arrays."""
+    """An episode that is run to its end: what was believed at these offsets, and what is counted.
 
-    unit: str  # of lengths
-    thresholds: Thresholds
-    lag: int  # L, the farthest offset that was asked for
-    truth: Floats  # the true poses x_0 … x_T, (T + 1, 3); NaN where a log has no reference
-    offsets: dict[int, Estimates]  # what was believed; offsets that the localizer holds
-    scans_used: int  # scans with at least one beam in range
-    seconds: float  # the localizer's time, reset left out
-    quality: Floats  # confidence that it is not lost after step t = 0 … T, (T + 1,); NaN for none
-    plans: list[list[float]] = field(default_factory=list)  # ``plan_row`` after step t = 0 … T
-    events: dict[str, int] = field(default_factory=dict)  # the localizer's counts of trouble
-    journey: WholeRun | None = None  # what is kept of the whole run; None if that is not asked for
-    track: RecordedTrack | None = None  # likewise
-    # means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means (k, 4), at
-    # every ``PROFILE_STRIDE``-th state
-    profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
-    # columns of ``map_signals`` after step t = 1 … T; None where the world is as on the map
-    against_map: dict[str, list[float | None]] | None = None
+    ``whole`` collects the run, ``against`` what contradicts the map where the world differs from
+    it: both trust the form of a belief.
+    """
+
+    def __init__(
+        self,
+        episode: Iterable[Step],
+        offsets: Iterable[int],
+        task: Surroundings,
+        whole: JourneyLog | TrackLog | None = None,
+        against: MapSignals | None = None,
+    ) -> None:
+        self.unit, self.thresholds = task.floor_plan.unit, task.thresholds
+        self.whole, self.against = whole, against
+        asked = tuple(offsets)
+        self.lag = max(map(abs, asked), default=0)  #: L
+        self.seconds = 0.0  #: the localizer's time, reset left out
+        self.plans: list[list[float]] = []  #: ``plan_row`` after step t = 0 … T
+        self._task = task
+        self.poses: list[Reals] = []  #: the true ones so far
+        self.actions: list[Reals | None] = []  #: that led there
+        self._ranges: list[Reals] = []
+        self._rated: list[float | None] = []
+        self._belief: Any = None
+        between = _between(asked, self.lag)
+        self._scored = _Beliefs(self, asked, partial(measured, task=task))
+        self._sampled = _Beliefs(self, between, belief_moments, PROFILE_STRIDE)
+        for step in episode:
+            self._see(step)
+
+    def _see(self, step: Step) -> None:
+        self._belief = step.belief
+        self.poses.append(step.truth)
+        self.actions.append(step.action)
+        self._rated.append(quality_of(step.belief))
+        unread = getattr(step.belief, "plan_reading", None) is None
+        row = _UNREAD if unread else plan_row(step.belief, step.truth, self._task)
+        self.plans.append(row)
+        if step.t > 0:
+            self.seconds += step.seconds
+            self._ranges.append(step.ranges)
+        for collector in (self._scored, self._sampled, self.whole, self.against):
+            if collector is not None:
+                collector.see(step)
+
+    @cached_property
+    def truth(self) -> Floats:
+        """The true poses x_0 … x_T, (T + 1, 3); NaN where a log has no reference."""
+        return np.array(self.poses, np.float64)
 
     @property
     def steps(self) -> int:
         """Steps carried out, T."""
-        return len(self.truth) - 1
+        return len(self.poses) - 1
 
-
-def trace_of(
-    episode: Iterable[Step],
-    offsets: Iterable[int],
-    task: Surroundings,
-    whole: JourneyLog | TrackLog | None = None,
-    against: MapSignals | None = None,
-) -> Trace:
-    """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps.
-
-    ``against`` collects what contradicts the map, where the world differs from it.
-    """
-    asked = tuple(offsets)
-    lag = max(map(abs, asked), default=0)
-    lap = _Lap(task)
-    scored = _Beliefs(asked, lap, partial(_measured, task=task))
-    sampled = _Beliefs(_between(asked, lag), lap, belief_moments, stride=PROFILE_STRIDE)
-    for moment in episode:
-        for collector in (lap, scored, sampled):
-            collector.see(moment)
-        for own in (whole, against):
-            if own is not None:  # it trusts the form of a belief
-                own.see(moment)
-    journey, track = (None, None) if whole is None else whole.kept()
-    events = getattr(lap.belief, "events", None)
-    unit, truth = task.floor_plan.unit, np.array(lap.truth, np.float64)
-    return Trace(
-        unit=unit,
-        thresholds=task.thresholds,
-        lag=lag,
-        truth=truth,
-        offsets={
-            k: Estimates(
+    @cached_property
+    def offsets(self) -> dict[int, Estimates]:
+        """What was believed at the offsets that the localizer holds."""
+        return {
+            offset: Estimates(
                 states=states,
-                truth=truth[states],
-                means=table[:, :4].copy(),
-                variances=table[:, 4:8].copy(),
-                values=dict(zip((*_CALIBRATION, *_EACH), table[:, 8:].T.copy(), strict=True)),
-                common=(states >= lag) & (states < len(truth) - lag),
-                thresholds=task.thresholds,
-                unit=unit,
+                truth=self.truth[states],
+                table=table,
+                common=(states >= self.lag) & (states <= self.steps - self.lag),
+                thresholds=self.thresholds,
+                unit=self.unit,
             )
-            for k, (states, table) in scored.tables().items()
-        },
-        scans_used=lap.scans_used,
-        seconds=lap.seconds,
-        quality=np.array(lap.quality),
-        plans=lap.plans,
-        events={} if events is None else {name: int(n) for name, n in vars(events).items()},
-        journey=journey,
-        track=track,
-        profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
-        against_map=None if against is None else against.columns(),
-    )
+            for offset, (states, table) in self._scored.tables().items()
+        }
 
+    @cached_property
+    def profile(self) -> dict[int, tuple[Indices, Floats]]:
+        """States (k,), each ``PROFILE_STRIDE``-th, and moments (k, 8), by offsets between those."""
+        return self._sampled.tables()
 
-class _Lap:
-    """Collects the truth, commands, qualities, readings of plans, and what is counted."""
-
-    def __init__(self, task: Surroundings) -> None:
-        self._task = task
-        self.plans: list[list[float]] = []
-        self.truth: list[Reals] = []
-        self.moves: list[Reals] = []
-        self.quality: list[float] = []
-        self._ranges: list[Reals] = []
-        self.seconds = 0.0
-        self.belief: Belief | None = None
+    @property
+    def quality(self) -> Floats:
+        """Confidence that it is not lost after step t = 0 … T, (T + 1,); NaN for none."""
+        return np.array(self._rated, np.float64)
 
     @property
     def scans_used(self) -> int:
@@ -160,48 +243,36 @@ class _Lap:
         usable = (ranges >= 0.0) & (ranges <= self._task.max_range)  # false for NaN
         return int(usable.any(axis=-1).sum())
 
-    def see(self, moment: Step) -> None:
-        self.belief = moment.belief
-        self.truth.append(moment.truth)
-        action = moment.action
-        self.moves.append(np.zeros(3) if action is None else increments(action))
-        quality = quality_of(moment.belief)
-        self.quality.append(np.nan if quality is None else quality)
-        self.plans.append(plan_row(moment.belief, moment.truth, self._task))
-        if moment.t > 0:
-            self.seconds += moment.seconds
-            self._ranges.append(moment.ranges)
+    @property
+    def events(self) -> dict[str, int]:
+        """The localizer's counts of trouble."""
+        events = getattr(self._belief, "events", None)
+        return {} if events is None else {name: int(n) for name, n in vars(events).items()}
 
 
 class _Beliefs:
     """Collects what is believed at some offsets about every n-th state, measured in passes."""
 
     def __init__(
-        self,
-        offsets: Iterable[int],
-        lap: _Lap,
-        measure: Callable[[Clouds], Floats],
-        stride: int = 1,
+        self, trace: Trace, offsets: Sequence[int], measure: Measure, stride: int = 1
     ) -> None:
-        self._offsets, self._lap = tuple(offsets), lap
-        self._measure, self._stride = measure, stride
+        self._trace, self._offsets, self._measure, self._stride = trace, offsets, measure, stride
         self._ahead: dict[int, list[Cloud]] = {}
         self._due: list[Cloud] = []
         self._points = 0  # of those due
-        self._labels: list[tuple[int, int]] = []
-        self._tables: list[Floats] = []
+        self._rows: dict[int, dict[int, Floats]] = {k: {} for k in self._offsets}
 
-    def see(self, moment: Step) -> None:
+    def see(self, step: Step) -> None:
         for offset in self._offsets:
-            state = moment.t + offset
+            state = step.t + offset
             if state < 0 or state % self._stride:
                 continue
-            if (points := moment.belief.points(offset)) is not None:
+            if (points := step.belief.points(offset)) is not None:
                 cloud = cloud_of(state, offset, points)
-                self._ahead.setdefault(max(state, moment.t), []).append(cloud)
+                self._ahead.setdefault(max(state, step.t), []).append(cloud)
             elif offset == 0:
                 raise InputError(f"its belief of state {state} holds no points of the present.")
-        for cloud in self._ahead.pop(moment.t, ()):
+        for cloud in self._ahead.pop(step.t, ()):
             self._due.append(cloud)
             self._points += cloud.weights.size
         if self._points >= _BATCH:
@@ -210,26 +281,22 @@ class _Beliefs:
     def tables(self) -> dict[int, tuple[Indices, Floats]]:
         """By offset: the states and a row of each, (k, c); what is held of no state is out."""
         self._measure_due()
-        if not self._tables:
-            return {}
-        states, offsets = np.array(self._labels).T
-        table = np.concatenate(self._tables)
-        own = {k: np.flatnonzero(offsets == k) for k in self._offsets}
-        return {k: (states[rows], table[rows]) for k, rows in own.items() if rows.size}
+        held = {k: rows for k, rows in self._rows.items() if rows}
+        return {k: (np.array([*rows]), np.array([*rows.values()])) for k, rows in held.items()}
 
     def _measure_due(self) -> None:
         if self._due:
-            truth = [self._lap.truth[cloud.state] for cloud in self._due]
-            moves = [self._lap.moves[cloud.state] for cloud in self._due]
-            self._tables.append(self._measure(joined(self._due, truth, moves)))
-            self._labels += [(cloud.state, cloud.offset) for cloud in self._due]
+            states = [cloud.state for cloud in self._due]
+            moves = np.zeros((len(states), 3))
+            commands = {
+                k: own for k, s in enumerate(states) if (own := self._trace.actions[s]) is not None
+            }
+            if commands:
+                moves[[*commands]] = increments(np.array([*commands.values()]))
+            clouds = joined(self._due, [self._trace.poses[s] for s in states], moves)
+            for cloud, row in zip(self._due, self._measure(clouds), strict=True):
+                self._rows[cloud.offset][cloud.state] = row
             self._due, self._points = [], 0
-
-
-def _measured(clouds: Clouds, task: Surroundings) -> Floats:
-    """Moments, scores, and what metrics ask each state for, side by side."""
-    rows = belief_scores(clouds, task.floor_plan.unit, task.thresholds.far)
-    return np.column_stack([rows, *(each(clouds, task) for each in _EACH.values())])
 
 
 def _between(offsets: Sequence[int], lag: int) -> list[int]:

@@ -4,14 +4,13 @@ Errors of tracks are as evo has them, absolute (APE) and relative (RPE). Lengths
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import covariance_floor
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import lengths_of, relative
@@ -27,7 +26,6 @@ LAST = 0.25  # share of a run's steps in which a success is localized throughout
 COMMITTED, FAR = 0.5, 2.0  # a belief of a larger quality commits itself; m: off by more, falsely
 RECOVERED, RECOVERED_STEPS = 0.45, 20  # m; 10 s, of two scans each (Fox, Burgard & Thrun 1999)
 ARRIVED = 0.5  # m from the goal
-_METRE = Thresholds(far=1.0, lost=1.0)
 _SAMPLE = 4096  # points at which a map is compared with itself
 _ALIKE = 0.998  # of them: a point on a line between cells may fall to either side
 
@@ -163,12 +161,10 @@ def weight_near(poses: Reals, weights: Floats, pose: Floats, unit: str) -> float
 
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
-AGREEMENTS = ("agreement_01", "agreement_03")
 TOLERATED = 0.05  # share of records at which a localized robot may seem off: references err, too
 
 
-@dataclass(frozen=True, kw_only=True)
-class PoseErrors:
+class PoseErrors(NamedTuple):
     """Errors of n poses: lengths, evo's ``trans_part``; rad in [0, π], its ``angle_rad``."""
 
     translation: Floats
@@ -185,15 +181,16 @@ def absolute(estimate: Floats, reference: Floats) -> PoseErrors:
 
     A localizer estimates in the map's frame: an alignment would hide its error.
     """
-    given, true = _pairs(estimate, reference)
-    return _errors(relative(true, given))
+    known = np.isfinite(reference).all(axis=1)
+    x, y, turn = relative(reference[known], estimate[known]).T
+    return PoseErrors(np.hypot(x, y), np.abs(arrays.wrapped(turn)))
 
 
 def relative_errors(estimate: Floats, reference: Floats) -> PoseErrors:
     """RPE: how far the motion from pose to pose is from that of the reference."""
-    given, true = _pairs(estimate, reference)
-    driven, meant = (relative(poses[:-1], poses[1:]) for poses in (given, true))
-    return _errors(relative(meant, driven))
+    known = np.isfinite(reference).all(axis=1)
+    driven, meant = (relative(own[:-1], own[1:]) for own in (estimate[known], reference[known]))
+    return absolute(driven, meant)
 
 
 def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
@@ -292,47 +289,8 @@ class EstimatedTrack:
 
     def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors]) -> PoseErrors:
         truth = self.best[:0] if self.log.reference is None else self.log.reference[self.known]
-        found = of(self.best[self.known], truth)
-        return replace(found, translation=found.translation / metre(self.log.unit))
-
-
-@dataclass(frozen=True)
-class ScoredTrack:
-    """What the scores of a track by records are of."""
-
-    track: EstimatedTrack
-    judged: int = 0  # first record by which beliefs are judged: those before are fitted to
-    calibration: Any = None  # ``localizers.Calibration`` of what is published; None: as believed
-    thresholds: Thresholds = _METRE
-    floor_plan: Map | None = None  # the map; None: agreement is not available
-
-    @cached_property
-    def fits(self) -> Floats:
-        """Rank, NEES and log score of the reference at each judged record, (k, 3)."""
-        off, spread = self.track.deviations(self.judged)
-        published = spread if self.calibration is None else self.calibration.published(spread)
-        fitted = calibration_of_gaussians(off, published, self.track.log.unit)
-        return fitted[np.isfinite(fitted).all(axis=1)]
-
-    @property
-    def lost(self) -> float:
-        """1 if it is lost in the last steps, else 0; NaN of none."""
-        last = self.track.errors.translation[-self.thresholds.lost_steps :]
-        limit = self.thresholds.lost / metre(self.track.log.unit)
-        return float(last.mean() > limit) if last.size else math.nan
-
-    @property
-    def log_score(self) -> float:
-        """Mean log score, of a density per m² rad."""
-        return mean(self.fits[:, 2]) - 2 * math.log(metre(self.track.log.unit))
-
-    @cached_property
-    def agreement(self) -> tuple[float, ...]:
-        """Shares of the beams that agree with the map at the best clusters."""
-        if self.floor_plan is None:
-            return (math.nan,) * len(AGREE)
-        seen = np.flatnonzero(np.isfinite(self.track.best[:, 0]))
-        return agreement(self.track.log.of_records(seen), self.floor_plan, self.track.best[seen])
+        off = of(self.best[self.known], truth)
+        return PoseErrors(off.translation / metre(self.log.unit), off.rotation)
 
 
 def calibration_of_gaussians(off: Floats, covariances: Floats, unit: str) -> Floats:
@@ -350,7 +308,7 @@ def calibration_of_gaussians(off: Floats, covariances: Floats, unit: str) -> Flo
     return found
 
 
-def mean(values: Floats) -> float:
+def mean(values: Floats | Bools) -> float:
     """Arithmetic mean; NaN of nothing."""
     return float(values.mean()) if values.size else math.nan
 
@@ -360,13 +318,19 @@ def middle(values: Floats) -> float:
     return float(np.median(values)) if values.size else math.nan
 
 
-def _errors(off: Floats) -> PoseErrors:
-    return PoseErrors(
-        translation=np.hypot(off[:, 0], off[:, 1]), rotation=np.abs(arrays.wrapped(off[:, 2]))
-    )
+def deviation(values: Floats) -> float:
+    """Standard deviation; NaN of nothing."""
+    return float(values.std()) if values.size else math.nan
 
 
-def _pairs(estimate: Floats, reference: Floats) -> tuple[Floats, Floats]:
-    """Return the poses that have a reference."""
-    known = np.isfinite(reference).all(axis=1)
-    return estimate[known], reference[known]
+def unless_nan(values: Iterable[float]) -> list[float | None]:
+    """Return values with None for NaN, which JSON does not have."""
+    return [None if math.isnan(value) else value for value in values]
+
+
+def columns_of(
+    names: Sequence[str], rows: Sequence[Sequence[float | None]]
+) -> dict[str, list[float | None]]:
+    """Return rows as columns by name, with None for NaN."""
+    table = np.array(rows, np.float64).reshape(-1, len(names)).T
+    return dict(zip(names, map(unless_nan, table.tolist()), strict=True))

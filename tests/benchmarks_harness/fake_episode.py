@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.trace import trace_of
+from benchmarks.trials.trace import Trace
 
 TASK = Stage.of(Trial(scenario="paper", localizer="mcl", params={}, lag=0, seed=0, trial=0)).task
 FREE, IN_WALL = (50.0, 50.0, 0.0), (175.0, 150.0, 0.0)  # a corner of the loop; the inner rectangle
@@ -64,4 +64,4 @@ def mean_error(states, offset):
 def traced(steps, offsets, scored=None, thresholds=TASK.thresholds, **how):
     """The trace of such an episode, at the offsets ``scored`` (all of them)."""
     task = replace(TASK, thresholds=thresholds)
-    return trace_of(episode(steps, offsets, **how), scored or offsets, task)
+    return Trace(episode(steps, offsets, **how), scored or offsets, task)

@@ -15,8 +15,7 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, trials_frame
-from benchmarks.trials.collecting import WholeRun
-from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
+from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished, WholeRun
 from benchmarks.trials.spec import Trial
 
 STEPS = 60

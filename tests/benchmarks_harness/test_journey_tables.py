@@ -29,8 +29,8 @@ from benchmarks.report.verdict import verdict_on
 from benchmarks.sweeps.store import writing
 from benchmarks.tables.frames import share_curve
 from benchmarks.tables.stats import median_estimate, sign_test, wilson
-from benchmarks.trials.collecting import WholeRun
 from benchmarks.trials.scores import GROUPS
+from benchmarks.trials.scoring import WholeRun
 
 NEVER = math.inf
 

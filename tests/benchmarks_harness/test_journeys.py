@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from benchmarks.setup.overrides import Overrides
-from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.scores import groups_named, journey_scores
-from benchmarks.trials.scoring import record
+from benchmarks.trials.scoring import WholeRun, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.trace import trace_of
+from benchmarks.trials.trace import JourneyLog, Trace
 from benchmarks.trials.tracks import (
     RECOVERED_STEPS,
     Journey,
@@ -183,7 +182,7 @@ def test_a_trial_has_the_scores_that_its_parts_are_about_and_no_others(parts, ab
 def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
     known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
     stage, groups = Stage.of(known), groups_named(["lost"])
-    trace = trace_of(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups))
+    trace = Trace(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups))
     kept = record(trace).journey
     nothing = dict.fromkeys(("metres_to_localize", "false_commitment", "false_steps"), 0)
     assert kept.scores == nothing | {"success_1m": 1, "success_05m": 1}
@@ -193,11 +192,9 @@ def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
 
 def test_the_run_of_a_kidnapped_robot_is_scored_from_where_it_was_carried_to():
     stage = Stage.of(trial(disturbance=KIDNAP))
-    log = JourneyLog(stage.task, stage.groups)
-    for moment in stage.moments():
-        log.see(moment)
-    run = log.journey()
+    trace = stage.trace()
+    log, run = trace.whole, trace.whole.journey(trace)
     assert run.carried == 40
     assert np.hypot(*(run.truth[40] - run.truth[39])[:2]) > 0.5
     assert run.distance[:40].max() < 0.45 < run.distance[40]
-    assert log.kept()[0].scores["recovered"] in (0, 1)
+    assert WholeRun.of(run, log.groups).scores["recovered"] in (0, 1)

@@ -21,7 +21,7 @@ from report_cases import (
 from benchmarks.report import tables
 from benchmarks.report.verdict import conclusion, verdict_on
 from benchmarks.tables.panels import panels
-from benchmarks.trials.collecting import RecordedTrack
+from benchmarks.trials.scoring import RecordedTrack
 
 ONE = (0,)
 

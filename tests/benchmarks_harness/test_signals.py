@@ -16,7 +16,7 @@ from benchmarks.tables.panels import panels
 from benchmarks.tables.signals import QUESTIONS, WRONG, detection, maps_table, plans_table
 from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MAP_COLUMNS, SIGNALS, MapSignals
-from benchmarks.trials.scoring import ErrorCurve
+from benchmarks.trials.scoring import ErrorCurve, record
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import PLAN_COLUMNS, plan_columns, plan_row
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -229,12 +229,13 @@ def test_the_trust_in_a_plan_is_a_signal_of_those_who_doubt_it():
 
 def test_only_a_trial_whose_world_differs_from_the_map_keeps_signals():
     def record_of(**world):
-        return Stage.of(trial_of("dead-reckoning", 0, scenario="sharp", lag=0, world=world)).trace()
+        trial = trial_of("dead-reckoning", 0, scenario="sharp", lag=0, world=world)
+        return record(Stage.of(trial).trace())
 
     assert record_of().against_map is None
-    trace = record_of(**{"clutter.number": 3})
-    assert trace.against_map.keys() == set(MAP_COLUMNS)
-    assert {len(own) for own in trace.against_map.values()} == {trace.steps}
+    kept = record_of(**{"clutter.number": 3})
+    assert kept.against_map.keys() == set(MAP_COLUMNS)
+    assert {len(own) for own in kept.against_map.values()} == {kept.steps_done}
 
 
 AHEAD = np.tile([5.0, 0.0], (8, 1))  # 40 px straight on

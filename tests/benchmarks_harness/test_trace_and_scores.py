@@ -19,11 +19,10 @@ from fake_episode import (
 )
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import groups_named
 from benchmarks.trials.scoring import SCORE_NAMES, TrialRecord, error_profile, record, scores
-from benchmarks.trials.trace import trace_of
+from benchmarks.trials.trace import JourneyLog, Trace
 from deqmcl_gym.validation import InputError
 
 T, L = 10, 3
@@ -72,7 +71,7 @@ def test_offsets_that_a_method_does_not_hold_have_no_row_and_no_place_in_the_pro
 def test_only_states_of_the_lap_that_were_held_are_scored_even_if_others_are_believed_in():
     everything = FakeBelief({k: (truth_of(0)[None], np.ones(1)) for k in OFFSETS})
     moments = [Step(t, truth_of(t), USABLE, everything, 0.0) for t in range(T + 1)]
-    for trace in (traced(T, OFFSETS), trace_of(moments, OFFSETS, TASK)):
+    for trace in (traced(T, OFFSETS), Trace(moments, OFFSETS, TASK)):
         states = {offset: kept.states.tolist() for offset, kept in trace.offsets.items()}
         assert states == {0: [*range(T + 1)], -L: [*range(T - L + 1)], L: [*range(L, T + 1)]}
 
@@ -212,7 +211,7 @@ def test_a_belief_is_scored_as_it_was_when_it_was_given():
             Reused.poses[:] = np.add(truth_of(t), (t, 0, 0))
             yield Step(t, truth_of(t), USABLE, Reused(), 0.0)
 
-    error = recorded(trace_of(moments(), OFFSETS, TASK))["curves"]
+    error = recorded(Trace(moments(), OFFSETS, TASK))["curves"]
     assert {k: curve["first_state"] for k, curve in error.items()} == {"0": 0, "-3": 0, "3": L}
     assert error["0"]["error"] == [*range(T + 1)]
     assert error[str(L)]["error"] == [abs(t - L) for t in range(T - L + 1)]
@@ -239,7 +238,7 @@ def rated(*qualities):
         Step(t, truth_of(t), USABLE, FakeBelief({0: one_point(t, 0)}, quality), 0.0)
         for t, quality in enumerate(qualities)
     ]
-    return trace_of(moments, (0,), TASK)
+    return Trace(moments, (0,), TASK)
 
 
 def test_the_quality_is_kept_of_every_step_and_recorded_from_the_first_with_all_digits():
@@ -277,7 +276,7 @@ def test_a_belief_without_points_of_the_present_is_refused_at_whatever_step(sile
     ]
     said = f"its belief of state {silent[0]} holds no points of the present"
     with pytest.raises(InputError, match=said):
-        trace_of(moments, (0,), TASK)
+        Trace(moments, (0,), TASK)
 
 
 @pytest.mark.parametrize(
@@ -286,7 +285,7 @@ def test_a_belief_without_points_of_the_present_is_refused_at_whatever_step(sile
 def test_what_is_no_belief_is_refused_by_name_in_whole_runs_too(points):
     moments = [Step(0, truth_of(0), USABLE, FakeBelief({0: points}), 0.0)]
     with pytest.raises(InputError, match="its belief of state 0 at offset 0 has"):
-        trace_of(moments, (0,), TASK, JourneyLog(TASK, groups_named(["lost"])))
+        Trace(moments, (0,), TASK, JourneyLog(TASK, groups_named(["lost"])))
 
 
 def test_a_belief_may_be_lists_in_whole_runs_too():
@@ -294,6 +293,6 @@ def test_a_belief_may_be_lists_in_whole_runs_too():
     forth = np.array([1.0, 0.0])
     moments = [Step(t, truth_of(t), USABLE, believed, 0.0, forth if t else None) for t in (0, 1)]
     asked = JourneyLog(TASK, groups_named(["lost", "ambiguity"]))
-    found = trace_of(moments, (0,), TASK, asked)
-    scores = found.journey.scores
+    found = Trace(moments, (0,), TASK, asked)
+    scores = record(found).journey.scores
     assert (scores["metres_to_localize"], scores["mass_split"]) == (0, 0)

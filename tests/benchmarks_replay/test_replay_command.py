@@ -17,10 +17,10 @@ from benchmarks.robots.played import replay_of
 from benchmarks.robots.replaying import methods_of
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.collecting import TrackLog
 from benchmarks.trials.episode import Step
-from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
+from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished, RecordedTrack, WholeRun
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.trace import TrackLog
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap, PolygonMap
 from localizers import PointsBelief
@@ -82,7 +82,8 @@ def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
 def record_of(errors, seed=0, localizer="mcl", **how):
     trial = Trial(scenario="replay", localizer=localizer, params=(), lag=0, seed=0, trial=seed)
     scores = {"offset": 0, **dict.fromkeys(SCORE_NAMES, float(np.mean(errors))), "lost": 0.0}
-    journey, track = kept_at(errors, **how).kept()
+    log = kept_at(errors, **how)
+    journey, track = WholeRun.of(log.track.journey(), log.groups), RecordedTrack.of(log)
     return Finished(
         trial=trial,
         key=f"{localizer}-{seed}",

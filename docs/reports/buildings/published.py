@@ -15,9 +15,8 @@ import pandas as pd
 from benchmarks.report.tracks import tracked
 from benchmarks.setup.overrides import file_names
 from benchmarks.sweeps.results import results_in
-from benchmarks.trials.collecting import calibration_of
-from benchmarks.trials.scores import CALIBRATION, PUBLISHED, track_scores
-from benchmarks.trials.tracks import ScoredTrack
+from benchmarks.trials.scores import CALIBRATION, published_scores
+from benchmarks.trials.trace import calibration_of
 from localizers import Calibration
 
 
@@ -43,7 +42,7 @@ def rows_of(name: str, folder: str) -> list[dict[str, object]]:
         each = []
         for track in tracks:
             by = Calibration() if which == "believed" else calibration_of(track, judged)
-            each.append(track_scores(ScoredTrack(track, judged, by), PUBLISHED) | vars(by))
+            each.append(published_scores(track, judged, by) | vars(by))
         frame = pd.DataFrame(each)
         numbers = {"covariance": which, **frame.drop(columns=list(CALIBRATION)).mean()}
         numbers |= {f"calibration_{part}": frame[part].median() for part in CALIBRATION}

@@ -26,7 +26,7 @@ from benchmarks.tables.frames import csv_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.trace import Trace, trace_of
+from benchmarks.trials.trace import Trace
 from deqmcl_gym.files import write_text
 
 REPORT = Path(__file__).resolve().parent
@@ -142,7 +142,7 @@ def measured(trial: Trial) -> tuple[Trace, float]:
                 counts.append(np.unique(points[:, 0]).size)
             yield moment
 
-    trace = trace_of(counted(), trial.offsets, stage.task)
+    trace = Trace(counted(), trial.offsets, stage.task)
     return trace, float(np.median(counts))
 
 
