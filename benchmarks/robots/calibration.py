@@ -133,6 +133,7 @@ _SURE = 4  # standard errors
 _CELL = 0.05  # m, also of a map without cells
 _REACH = 0.3  # m from a wall beyond which a beam says nothing of the mounting
 _APART = 0.5  # m or rad of odometry between poses that tell of wheels
+_BACKS = 5  # of such stretches backward, told as ahead, that tell of odometry without a sign
 _LATEST, _PAUSE = 3.0, 5.0  # s: of offsets looked for; between poses that tell of none
 
 _Off = Callable[[Floats], Floats]  # by the numbers that are fitted
@@ -241,14 +242,22 @@ def _mounting_words(log: Log, floor_plan: Map) -> str | None:
 
 
 def _wheels_words(log: Log) -> str | None:
-    """Say how the odometry is off by the reference, in distance and turns; None if it hardly is."""
+    """Say how the odometry is off by the reference, in sign, distance and turns; None: hardly."""
     size = metre(log.unit)
     if log.posed.size < _LEAST:
         return None
     own = log.of_records(log.posed).spaced(_APART * size, _APART)
     assert own.reference is not None
     told, true = increments_of(own.odometry), increments_of(own.reference)
-    near = lengths_of(told) < 4 * _APART * size
+    ways, along = lengths_of(told), (told * true)[:, :2].sum(axis=1)
+    back = (ways > 2 * _CELL * size) & (along < -0.25 * ways**2)
+    if back.sum() >= _BACKS:
+        return (
+            f"the odometry has no sign: {ways[back].sum() / size:.1f} m that it goes ahead are "
+            f"backward by the reference, the first at {own.times[back.argmax()]:.1f} s; filters "
+            "can get lost there: let the driver tell backward drives as such."
+        )
+    near = ways < 4 * _APART * size
     (length, turn), (farther, turned) = (
         (lengths_of(each[near]) / size, each[near, 2]) for each in (told, true)
     )

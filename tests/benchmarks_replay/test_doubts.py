@@ -43,6 +43,12 @@ def wheeled(log, distance, turn, veer):
     return replace(log, odometry=dead_reckoned(told, log.odometry[0]))
 
 
+def unsigned(log):
+    told = increments_of(log.odometry)
+    told[:, 0] = np.abs(told[:, 0])
+    return replace(log, odometry=dead_reckoned(told, log.odometry[0]))
+
+
 @pytest.mark.parametrize(
     ("fault", "late", "words"),
     [
@@ -55,6 +61,7 @@ def wheeled(log, distance, turn, veer):
         (lambda log: wheeled(log, 0.95, 1, 0), 0.0, ["goes 0.95", "times as far"]),
         (lambda log: wheeled(log, 1, 1.05, 0), 0.0, ["turns 1.05", "times as much"]),
         (lambda log: wheeled(log, 1, 1, math.radians(5)), 0.0, ["veers 5."]),
+        (unsigned, 0.0, ["no sign", "m that it goes ahead", "at 100."]),
     ],
 )
 def test_a_planted_fault_alone_is_told_with_its_size(rounds, here, fault, late, words):
