@@ -226,7 +226,7 @@ def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_
         assert store.get(key, TRIAL).journey == kept.journey
         spoilt = whole(kept, {"success_1m": "yes"}, 1.0)
         with pytest.raises(
-            ValueError, match=r"str instead of float \| null at record.journey.scores"
+            ValueError, match=r"expected float \| null, got str at record.journey.scores"
         ):
             store.put(key, TRIAL, spoilt, 1.0)
         with pytest.raises(ValueError, match="whole run named 'fame'"):

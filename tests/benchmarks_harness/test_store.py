@@ -89,7 +89,7 @@ DAMAGED = {
     "is truncated, or not JSON": b"error,entropy",
     "cannot be read (it is not UTF-8)": b'"\xff"',
     "neither a record nor a reason": b'{"key": "x", "trial": {}}',
-    "has null instead of array at record.scores": None,
+    "expected array, got null at record.scores": None,
     "is not as it was written": b'{"key":"x","trial":{},"reason":"it slept","crc":1}',
 }
 
