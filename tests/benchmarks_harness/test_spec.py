@@ -149,7 +149,7 @@ def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads
 def test_the_digest_covers_every_file_that_a_trial_executes(seen):
     _, executed = seen
     covered = {path for package in spec.PACKAGES for path, _ in spec._files(package)}
-    assert len(executed) > 50
+    assert len(executed) > 40
     assert executed <= covered
 
 
