@@ -107,7 +107,7 @@ def one_of(what: str, name: object, valid: Iterable[str], further: str = "") -> 
 
     The refusal ends with what is allowed ``further``.
     """
-    names = sorted(valid)
+    names = sorted({*valid})
     if isinstance(name, str) and name in names:
         return name
     nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)

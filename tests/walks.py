@@ -22,16 +22,16 @@ OURS = tuple(f"{ROOT / package}{os.sep}" for package in PACKAGES)
 
 # All limits fall with the code.
 LIMITS = {  # the most files that each may enter
-    "deqmcl paper": 78,
-    "a sweep cell": 80,
-    "a trial of mcl": 44,
-    "a trial of deq-mcl": 41,
+    "deqmcl paper": 81,
+    "a sweep cell": 83,
+    "a trial of mcl": 46,
+    "a trial of deq-mcl": 43,
     "update of mcl": 12,
     "env.step": 8,
 }
-MOST_CALLS = 16_700  # of functions of ours, in a trial of mcl
-MOST_FILES = 157  # of source
-MOST_LINES = {"source": 38_890, "tests": 26_555}
+MOST_CALLS = 16_900  # of functions of ours, in a trial of mcl
+MOST_FILES = 160  # of source
+MOST_LINES = {"source": 38_915, "tests": 26_555}
 
 COMMANDS = {
     "deqmcl paper": "paper --trials 1 --jobs 1 --localizers mcl --out {out}",

@@ -182,7 +182,7 @@ def setting_sweep(
     options: argparse.Namespace, localizers: Sequence[str], trials: int = 1
 ) -> "Sweep":
     """Return the localizers on the worlds of a setting, with what is set."""
-    from benchmarks.setup.overrides import settings
+    from benchmarks.setup.documents import settings
     from benchmarks.sweeps.sweepfile import check_localizers, paper_sweep, with_settings
 
     check_localizers(localizers)

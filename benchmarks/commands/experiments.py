@@ -59,10 +59,10 @@ def paper_command(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.execution.processes import GUEST_SECONDS, Processes
     from benchmarks.experiment import Experiment
+    from benchmarks.files import write_files
     from benchmarks.report.films import chosen, write_paper_figures
     from benchmarks.report.page import load, write_report
     from benchmarks.report.verdict import conclusion
-    from benchmarks.sweeps.manifest import write_files
     from benchmarks.sweeps.results import summary
     from benchmarks.sweeps.running import Options, complete
     from benchmarks.sweeps.sweepfile import PAPER_METHODS
@@ -205,7 +205,7 @@ def _doubts(sweep: "Sweep") -> list[str]:
 def asked(options: argparse.Namespace) -> "Sweep":
     """Return the sweep that ``deqmcl sweep`` is asked for."""
     from benchmarks.experiment import sweep
-    from benchmarks.setup.overrides import settings
+    from benchmarks.setup.documents import settings
     from benchmarks.sweeps.sweepfile import sweep_named
     from deqmcl_gym.validation import InputError, integer
 
@@ -246,9 +246,9 @@ def report_command(options: argparse.Namespace) -> str:
     and --pdf write what a paper needs into DIR/export: tables.tex (booktabs) with references.bib,
     and the charts.
     """
+    from benchmarks.files import own_folder, write_files
     from benchmarks.report.page import require_report, write_report
     from benchmarks.report.verdict import conclusion, progress
-    from benchmarks.sweeps.manifest import own_folder, write_files
     from benchmarks.sweeps.results import left_out_lines, pooled, results_in
     from deqmcl_gym.validation import InputError
 

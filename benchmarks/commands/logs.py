@@ -137,10 +137,10 @@ def _amcl(options: argparse.Namespace) -> "list[Amcl]":
 
 def _settings(options: argparse.Namespace) -> dict[str, Any]:
     """Return what is set, ``--every`` among it."""
-    from benchmarks.setup import overrides
+    from benchmarks.setup import documents
     from deqmcl_gym.validation import InputError
 
-    values = overrides.settings(options.set)
+    values = documents.settings(options.set)
     if options.every is not None and "world.every" in values:
         raise InputError("--every is given, and world.every set: give one of them.")
     return values if options.every is None else values | {"world.every": options.every}
@@ -169,7 +169,7 @@ def score_command(options: argparse.Namespace) -> str:
     from benchmarks.report.runs import limits_of, within
     from benchmarks.robots.estimates import estimates_of, played_before, played_by_replay, score
     from benchmarks.robots.played import reading_among
-    from benchmarks.setup import overrides
+    from benchmarks.setup import documents
     from deqmcl_gym.logs import read_tum
     from deqmcl_gym.validation import InputError
 
@@ -191,7 +191,7 @@ def score_command(options: argparse.Namespace) -> str:
         if beside is not None:
             by = played_before(beside)
         elif log is not None:
-            reading = reading_among(overrides.settings(options.set))
+            reading = reading_among(documents.settings(options.set))
             by = played_by_replay(log, reference, reading, options.map, options.every)
         else:
             by = read_tum(reference)

@@ -19,7 +19,7 @@ import PIL.Image
 
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
-from benchmarks.sweeps.manifest import write_files
+from benchmarks.files import write_files
 from benchmarks.tables.frames import scored
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import state_name

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.files import own_folder, write_files
 from benchmarks.report.films import (
     LAP_MILLISECONDS,
     LAP_STRIDE,
@@ -26,7 +27,6 @@ from benchmarks.report.films import (
     way_of_plan,
     webp,
 )
-from benchmarks.sweeps.manifest import own_folder, write_files
 from benchmarks.tables.text import short_name, short_names, state_name
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import directions, heading_error, position_error, state_error

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.console import doing
+from benchmarks.files import own_folder, write_files
 from benchmarks.report import tables
 from benchmarks.report.charts import panel_charts, styled, swept_charts
 from benchmarks.report.films import IMAGES, films, pictures_of_paper
@@ -19,7 +20,7 @@ from benchmarks.report.runs import starts_table
 from benchmarks.report.tables import Part
 from benchmarks.report.tracks import track_parts
 from benchmarks.report.verdict import conclusion, progress, verdict_on
-from benchmarks.sweeps.manifest import MANIFEST, own_folder, write_files
+from benchmarks.sweeps.manifest import MANIFEST
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, timings_table, trials_frame

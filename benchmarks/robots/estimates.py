@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from benchmarks.files import own_folder, write_files
 from benchmarks.report.runs import run_of_track, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, published, tables_of, tracked
 from benchmarks.robots.calibration import first_judged, late_words
 from benchmarks.robots.played import EVERY, NO_ERROR
 from benchmarks.setup.logs import REPLAY, LogScenario, check_inside
 from benchmarks.setup.names import scenario
-from benchmarks.sweeps.manifest import own_folder, write_files
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import percent
@@ -67,16 +67,17 @@ class Played:
 
 def played_before(folder: Path) -> Played:
     """Return what a folder of ``replay`` has played, and its runs."""
-    for panel in results_in(folder).panels[:1]:
-        if (there := tracked(panel)) is not None and not there[0].empty:
-            runs, floor_plan = there
-            setup = scenario(panel.setting.scenario).changed(panel.setting.world)
-            assert isinstance(setup, LogScenario)
-            return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)
-    raise InputError(
-        f"{folder} is no folder of deqmcl replay with runs whose log and map are still there: give "
-        "one, or --reference."
-    )
+    panels = results_in(folder).panels
+    there = tracked(panels[0]) if panels else None
+    if there is None or there[0].empty:
+        raise InputError(
+            f"{folder} is no folder of deqmcl replay with runs whose log and map are still there: "
+            "give one, or --reference."
+        )
+    runs, floor_plan = there
+    setup = scenario(panels[0].setting.scenario).changed(panels[0].setting.world)
+    assert isinstance(setup, LogScenario)
+    return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)
 
 
 def played_by_replay(

@@ -17,7 +17,7 @@ from typing import Any
 import yaml
 
 from benchmarks.robots.played import Replay
-from benchmarks.setup.scenario import Gaussian
+from benchmarks.setup.priors import Gaussian
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.maps import Lidar, PolygonMap

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup import overrides
+from benchmarks.setup import documents
+from benchmarks.setup.documents import parsed
 from benchmarks.setup.logs import REPLAY, LogScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed
-from benchmarks.setup.overrides import NOTHING, Overrides, file_names, parsed
-from benchmarks.setup.scenario import Gaussian
+from benchmarks.setup.overrides import NOTHING, Overrides, file_names
+from benchmarks.setup.priors import Gaussian
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
@@ -266,9 +267,9 @@ def length_and_angle(option: str, text: str) -> tuple[float, float]:
 def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
     """Return a start as assumptions: a prior, or the mean of one."""
     if isinstance(start, str) and start.endswith(".toml"):
-        given = overrides.read_toml(Path(start), "prior")
-        with overrides.errors_name(Path(start)):
-            overrides.check_values(given, ["prior"])
+        given = documents.read_toml(Path(start), "prior")
+        with documents.errors_name(Path(start)):
+            documents.check_values(given, ["prior"])
             return dict(Overrides.told("prior", {"prior": given.get("prior", {})}))
     if start == "global":
         return {"prior.kind": "uniform"}

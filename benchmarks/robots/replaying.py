@@ -15,6 +15,7 @@ import pandas as pd
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.execution.engines import Where
 from benchmarks.experiment import as_toml, knowing, named_localizers
+from benchmarks.files import write_files
 from benchmarks.report.page import no_report, page_files
 from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
@@ -23,9 +24,9 @@ from benchmarks.robots import calibration
 from benchmarks.robots.nav2 import Amcl, read_nav2
 from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, replay_of, values_among
 from benchmarks.robots.residuals import PICTURE, TABLE, residuals_of
-from benchmarks.setup.overrides import NOTHING, Overrides, file_names, sweep_text
+from benchmarks.setup.documents import sweep_text
+from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.manifest import write_files
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, check
 from benchmarks.sweeps.sweepfile import check_localizers, params_by_localizer

@@ -20,11 +20,12 @@ import numpy as np
 import pandas as pd
 from numpy.random import Generator
 
+from benchmarks.files import is_empty
 from benchmarks.robots.played import REPLAY_SCENARIO, Replay
 from benchmarks.robots.space import ASSUMED, Space, ends_of, latin_hypercube, neighbour
 from benchmarks.setup.logs import REPLAY
 from benchmarks.setup.overrides import NOTHING, Overrides
-from benchmarks.sweeps.manifest import differences, is_empty
+from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step

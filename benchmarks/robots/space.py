@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
-from benchmarks.setup import overrides
+from benchmarks.setup import documents
 from benchmarks.setup.overrides import NOTHING, Overrides
 from deqmcl_gym.files import UnreadableError, typed
 from deqmcl_gym.numerics import Floats
@@ -158,8 +158,8 @@ def space_of(
             f"{localizer} has no ranges built in: name what is to be searched in a file, as in "
             "--space space.toml."
         )
-    document = overrides.read_toml(path, "space")
-    with overrides.errors_name(path):
+    document = documents.read_toml(path, "space")
+    with documents.errors_name(path):
         space = {} if boolean("only", document.pop("only", False)) else dict(ranges)
         flat: dict[str, Any] = {}
         for name, value in document.items():

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from benchmarks.files import write_files
 from benchmarks.report.page import no_report
 from benchmarks.report.tables import Table
 from benchmarks.robots.nav2 import nav2_document
@@ -15,7 +16,6 @@ from benchmarks.robots.replaying import sweep_file
 from benchmarks.robots.search import BELIEVED, RUNS, Candidate, Task, Tuning
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.manifest import write_files
 from benchmarks.tables.frames import by_world, csv_of
 from benchmarks.tables.stats import Interval, estimate
 from benchmarks.tables.text import estimated, fixed, percent, significant

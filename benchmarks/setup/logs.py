@@ -9,8 +9,10 @@ from typing import Any, Self
 import numpy as np
 
 from benchmarks.setup import TrialEnv
-from benchmarks.setup.overrides import NOTHING, Overrides, digest_of_file
-from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds
+from benchmarks.setup.documents import digest_of_file
+from benchmarks.setup.overrides import NOTHING, Overrides
+from benchmarks.setup.priors import Gaussian
+from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.envs.log import LogEnv, log_of
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import increments_of, lengths_of

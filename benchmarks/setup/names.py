@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.agents import AGENTS
-from benchmarks.setup import Agent, overrides
-from benchmarks.setup.overrides import Named, Overrides, digest_of_file, from_folder, wrappers
+from benchmarks.setup import Agent, documents
+from benchmarks.setup.documents import digest_of_file, from_folder
+from benchmarks.setup.overrides import Named, Overrides, wrappers
 from benchmarks.setup.scenario import RoomScenario, Scenario, Thresholds
 from deqmcl_gym.validation import InputError, one_of, part
 from deqmcl_gym.world.config import WORLDS
@@ -23,7 +24,7 @@ from localizers.registry import LOCALIZER, SCAN_MODEL, ScanPlugIn
 
 # loaded when asked for: a trial in a room needs no readers of logs
 _OF_LOGS = ("log", "log-short", "replay")
-_TABLES = overrides.read_toml(Path(__file__).with_name("scenarios.toml"), "scenario")
+_TABLES = documents.read_toml(Path(__file__).with_name("scenarios.toml"), "scenario")
 AGENT = Kind(
     word="agent",
     builtin=AGENTS,
@@ -112,10 +113,10 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
 
         return LOGS[name]
     path = Path(name)
-    given = overrides.read_toml(path, "scenario")
-    with overrides.errors_name(path):
-        overrides.check_values(given, _KEYS)
-        base = overrides.as_text("base", given.get("base", "paper"))
+    given = documents.read_toml(path, "scenario")
+    with documents.errors_name(path):
+        documents.check_values(given, _KEYS)
+        base = documents.as_text("base", given.get("base", "paper"))
         below = _scenario(absolute_scenario(base, path.parent), (*within, name))
         return _changed(below, given, path, str(content_digest(path)))
 
@@ -139,7 +140,7 @@ def _changed(base: Scenario, given: Mapping[str, Any], path: Path, digest: str) 
     named = _agent(given.get("agent", {}), base.agent)
     return replace(
         changed,
-        words=overrides.as_text("words", given.get("words", path.stem)),
+        words=documents.as_text("words", given.get("words", path.stem)),
         agent=absolute_agent(named, path.parent),
         disturbance=wrappers("disturbance", given.get("disturbance", base.disturbance)),
         buildings=given.get("buildings", base.buildings),

@@ -1,28 +1,20 @@
-"""A folder of results, and its manifest.json: a sweep resumes only in its own folder."""
+"""manifest.json: which sweep a folder belongs to. A sweep resumes only in its own folder."""
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct, field, to_builtins
 from msgspec.structs import replace
 
+from benchmarks.files import is_empty
 from benchmarks.setup.overrides import renamed, spelt
 from benchmarks.sweeps.design import Sweep
 from benchmarks.trials.spec import Environment, Provenance, environment
 from benchmarks.trials.stage import provenance_of
-from deqmcl_gym.files import (
-    UnreadableError,
-    content_of,
-    is_temporary,
-    json_of,
-    typed,
-    writable_folder,
-    write_bytes,
-    write_text,
-)
+from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError, shown
 from localizers.digests import UNREAD
 from localizers.kinds import Placed
@@ -220,38 +212,3 @@ def differences(theirs: Any, ours: Any, at: str = "") -> Iterator[str]:
     elif spelt(theirs) != spelt(ours):
         was, now = ("not set" if one is _ABSENT else shown(one) for one in (theirs, ours))
         yield f"{at.removeprefix('sweep.')} was {was} and is {now}"
-
-
-def is_empty(folder: Path) -> bool:
-    """Whether a folder is missing, or holds nothing but what a killed process of ours leaves."""
-
-    def is_begun(path: Path) -> bool:
-        return path.match("trials*.jsonl") and path.is_file() and path.stat().st_size == 0
-
-    try:
-        return all(is_temporary(path) or is_begun(path) for path in folder.iterdir())
-    except FileNotFoundError:
-        return True
-    except OSError:  # a file, or not to be read: said when it is to be written to
-        return not folder.is_dir()
-
-
-def own_folder(folder: Path, *names: str) -> Path:
-    """Make a folder for the files of a command, or take one that has one of its files already."""
-    taken = (folder / "manifest.json").exists()  # by a sweep
-    if not is_empty(folder) and (taken or not any((folder / name).exists() for name in names)):
-        raise InputError(
-            f"the output folder {folder} holds files, but none of this command's: give a new or "
-            "an empty one."
-        )
-    return writable_folder(folder)
-
-
-def write_files(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
-    """Write files by name, over those of before, each whole or not at all; return their paths."""
-    for name, content in contents.items():
-        write_bytes(folder / name, content)
-    for path in {(folder / name).parent for name in contents}:
-        for left in filter(is_temporary, path.glob(".*")):  # of a process that was killed
-            left.unlink(missing_ok=True)
-    return [folder / name for name in contents]

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks.setup import overrides
+from benchmarks.setup import documents, overrides
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, by_cell
 from benchmarks.sweeps.manifest import Manifest, differences
@@ -271,7 +271,7 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
         known = made.parameters[name]
         return None if known is None else tuple(known)
 
-    with overrides.errors_name(folder / manifest.MANIFEST):
+    with documents.errors_name(folder / manifest.MANIFEST):
         return sweep_of(overrides.of_json(made.placed), title="", takes=takes)
 
 

@@ -7,7 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.setup import overrides
+from benchmarks.setup import documents
+from benchmarks.setup.documents import from_folder, said_from
 from benchmarks.setup.names import (
     SCENARIOS,
     absolute_agent,
@@ -19,10 +20,8 @@ from benchmarks.setup.overrides import (
     NOTHING,
     Named,
     Overrides,
-    from_folder,
     listed,
     located,
-    said_from,
     wrappers,
 )
 from benchmarks.sweeps.design import PARTS, Sweep, Takes
@@ -80,10 +79,10 @@ def paper_sweep(
 def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
     """Read a sweep file, and add localizers; ``above``: the files that this is the base of."""
     path = Path(path)
-    given = overrides.read_toml(path, "sweep")
+    given = documents.read_toml(path, "sweep")
     root = (above[0] if above else path).parent
-    with overrides.errors_name(path), said_from(root):
-        overrides.check_values(given, ("base", *_KEYS))
+    with documents.errors_name(path), said_from(root):
+        documents.check_values(given, ("base", *_KEYS))
         files = (*above, Path(os.path.abspath(path)))
         base = _base(given.pop("base"), files) if "base" in given else None
         title = utf8(path.stem).decode()
@@ -101,7 +100,7 @@ def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
 
 def _base(name: Any, files: Sequence[Path]) -> Sweep:
     """Return the sweep that the last of these files changes."""
-    if overrides.as_text("base", name).endswith(".toml"):
+    if documents.as_text("base", name).endswith(".toml"):
         path = Path(located(from_folder(files[-1].parent, name)))
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
@@ -134,10 +133,10 @@ def sweep_of(
     Paths in it are relative to ``folder``; None: they stay as they are. ``base`` says what the
     document does not.
     """
-    overrides.check_values(given, _KEYS)
+    documents.check_values(given, _KEYS)
     names, own = _Names(folder), dict[str, Overrides]()
     read: dict[str, Callable[[Any], Any]] = {
-        "title": partial(overrides.as_text, "title"),
+        "title": partial(documents.as_text, "title"),
         "scenario": names.scenario,
         "localizers": lambda value: tuple(map(names.method, listed("localizers", value))),
         "world": lambda value: names.world(Overrides.told("world", value)),
@@ -274,7 +273,7 @@ class _Names:
 
     def localizer(self, what: str, value: Any) -> str:
         """Return a localizer's name; ``file.py`` is its only localizer."""
-        name = overrides.as_text(what, value)
+        name = documents.as_text(what, value)
         return name if self.folder is None else absolute_reference(LOCALIZER, name, self.folder)
 
     def world(self, given: Overrides) -> Overrides:
@@ -289,14 +288,14 @@ class _Names:
             for key in entry:
                 one_of(f"key of {what}", key, ("name", "params", "label"))
             if "label" in entry:
-                label = overrides.as_text("label of a localizer", entry["label"])
+                label = documents.as_text("label of a localizer", entry["label"])
             entry = {key: value for key, value in entry.items() if key != "label"}
         named = Named.told(what, entry)
         name = self.localizer("name of a localizer", named.name)
         return Method(name=name, params=named.params, label=label)
 
     def axis(self, table: Any) -> Overrides:
-        values = Overrides.told("vary", overrides.as_table("vary", table, "a [[vary]] table"))
+        values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
 
         def point(name: str, value: Any) -> Any:
             group, _, key = name.partition(".")
@@ -315,7 +314,7 @@ class _Names:
 
 
 def _until_decided(table: Any) -> Any:
-    known = overrides.as_table("until_decided", table, "a table like {margin = 0.05}")
+    known = documents.as_table("until_decided", table, "a table like {margin = 0.05}")
     for key in known:
         one_of("key in until_decided", key, ("margin",))
     return known.get("margin", 0.05)

@@ -18,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.setup import Agent, TrialEnv
+from benchmarks.setup.documents import digest_of_file, errors_name
 from benchmarks.setup.names import (
     AGENT,
     SCAN_KIND,
@@ -26,7 +27,6 @@ from benchmarks.setup.names import (
     scenario,
     scenario_digest,
 )
-from benchmarks.setup.overrides import digest_of_file, errors_name
 from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.episode import Step, drive, followed, sees_belief

@@ -40,7 +40,6 @@ from localizers.models.motion import increments
 
 _READ = ("feasible", "tempering", "log_evidence")  # of ``PlanReading``
 PLAN_COLUMNS = ("conflict", *_READ, "trusted")
-_UNREAD = [math.nan] * len(PLAN_COLUMNS)
 Measure = Callable[[Clouds], Floats]  # a row for each cloud, (k, c)
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
@@ -51,7 +50,7 @@ def plan_row(belief: Any, truth: Reals, task: Surroundings) -> list[float]:
     """Return whether the plan collides from the true pose, then signals; NaN if none was read."""
     reading = getattr(belief, "plan_reading", None)
     if reading is None or np.isnan(reading.feasible):
-        return _UNREAD
+        return [math.nan] * len(PLAN_COLUMNS)
     sensor = PlanSensor(floor_plan=task.floor_plan, radius=task.radius)
     pose = np.asarray(truth, np.float32)[:, None]
     known = np.isfinite(pose).all()
@@ -191,9 +190,7 @@ class Trace:
         self.poses.append(step.truth)
         self.actions.append(step.action)
         self._rated.append(quality_of(step.belief))
-        unread = getattr(step.belief, "plan_reading", None) is None
-        row = _UNREAD if unread else plan_row(step.belief, step.truth, self._task)
-        self.plans.append(row)
+        self.plans.append(plan_row(step.belief, step.truth, self._task))
         if step.t > 0:
             self.seconds += step.seconds
             self._ranges.append(step.ranges)

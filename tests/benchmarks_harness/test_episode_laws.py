@@ -10,7 +10,7 @@ import pytest
 import localizers
 from benchmarks.setup.names import SCENARIOS, scenario
 from benchmarks.setup.overrides import Named, Overrides
-from benchmarks.setup.scenario import Uniform
+from benchmarks.setup.priors import Uniform
 from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials.episode import moments
 from benchmarks.trials.stage import Stage

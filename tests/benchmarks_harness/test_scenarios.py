@@ -11,7 +11,8 @@ from report_cases import TURNER
 
 from benchmarks.report.films import camera_of
 from benchmarks.setup.names import make_agent, scenario
-from benchmarks.setup.scenario import Places, Thresholds
+from benchmarks.setup.priors import Places
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, key_of
 from deqmcl_gym import Driver

@@ -13,7 +13,7 @@ from deqmcl_command import files
 from refusals import refused
 from report_cases import changed, finished
 
-from benchmarks.sweeps.manifest import own_folder, write_files
+from benchmarks.files import own_folder, write_files
 from benchmarks.sweeps.store import Store, named, writing
 from benchmarks.trials.scoring import TrialRecord
 from benchmarks.trials.spec import Trial

@@ -19,7 +19,7 @@ import localizers
 from benchmarks.cli import main
 from benchmarks.robots.nav2 import nav2_document, read_nav2, usual_params
 from benchmarks.robots.replaying import planned
-from benchmarks.setup.overrides import sweep_text
+from benchmarks.setup.documents import sweep_text
 from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
