@@ -127,7 +127,7 @@ def test_pictures_and_tables_have_words_for_those_who_do_not_see_them(page):
 
 def test_the_page_says_how_far_it_came_and_how_to_get_the_same(page):
     words = " ".join(page.words)
-    assert "36 of 39 trials finished, 1 failed, 2 missing" in words
+    assert "36 of 39 trials finished, 1 failed, 2 missing: this report is partial." in words
     assert "deqmcl sweep 'a b.toml' --out there" in words
     assert '"code": "f00d"' in words
 

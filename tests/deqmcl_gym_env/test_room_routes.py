@@ -267,6 +267,21 @@ def graph_of(routes):
     return csr_array((values, (here, there)), shape=(len(free), len(free)))
 
 
+def test_of_ways_at_equal_cost_a_route_takes_that_by_the_nearest_cell_and_of_these_the_last():
+    outer = [(0, 0), (355, 0), (355, 300), (0, 300)]
+    block = [(100, 100), (255, 100), (255, 200), (100, 200)]
+    routes = Routes(PolygonMap(outer=outer, obstacles=[block]), radius=10.0, comfort=40.0)
+    ways, graph, ties = routes.to((177.5, 50)), graph_of(routes), 0
+    for cell, following in enumerate(ways.following):
+        its = slice(*graph.indptr[cell : cell + 2])
+        near = graph.indices[its]
+        leading = near[ways.costs[near] + graph.data[its] == ways.costs[cell]]
+        order = sorted((ways.costs[one], -one) for one in leading)
+        assert following == (-order[0][1] if order else -1)
+        ties += len(order) > 1 and order[0][0] == order[1][0]
+    assert ties > 0
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_costs_are_those_of_scipys_dijkstra_bit_for_bit(seed):
     routes = Routes(Office(seed=seed, wings=1, corridors=1).grid, radius=0.3, comfort=0.8)

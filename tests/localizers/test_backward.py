@@ -70,8 +70,10 @@ def test_on_a_line_it_is_the_smoother_of_rauch_tung_and_striebel():
         mean, variance = mean + gain * (o - mean), (1 - gain) * variance
         means.append(mean)
         variances.append(variance)
+    together = np.zeros(steps)  # the covariance of neighbours
     for t in range(steps - 1, -1, -1):
         gain = variances[t] / predicted[t + 1][1]
+        together[t] = gain * variances[t + 1]
         means[t] += gain * (means[t + 1] - predicted[t + 1][0])
         variances[t] += gain**2 * (variances[t + 1] - predicted[t + 1][1])
     scans = [Scan(np.array([o]), np.ones(1, bool), 1) for o in seen]
@@ -88,8 +90,10 @@ def test_on_a_line_it_is_the_smoother_of_rauch_tung_and_striebel():
     averages = np.mean(runs, axis=2)
     error = averages.std(axis=0, ddof=1) / math.sqrt(len(runs))
     assert np.abs((averages.mean(axis=0) - means) / error).max() < 5
-    spread = np.concatenate(runs, axis=1).var(axis=1)
-    np.testing.assert_allclose(spread, variances, rtol=0.15)
+    paths = np.concatenate(runs, axis=1)
+    np.testing.assert_allclose(paths.var(axis=1), variances, rtol=0.15)
+    apart = np.add(variances[1:], variances[:-1]) - 2 * together
+    np.testing.assert_allclose(np.diff(paths, axis=0).var(axis=1), apart, rtol=0.15)
 
 
 MOTIONS = [DifferentialMotion(), OmniMotion(), OdometryMotion(drive=0.2, turn=0.2, drift=0.2)]

@@ -100,9 +100,11 @@ def test_a_sweep_that_cannot_be_run_is_refused_at_once(tmp_path, refusal, more, 
     assert os.listdir() == ["small.toml"]
 
 
-@pytest.mark.parametrize("words", ["sweep quick --out", "new map --out", "report"])
+@pytest.mark.parametrize(
+    "words", ["sweep quick --out {}", "new map --out {}", "report {}", "new localizer {}.py"]
+)
 def test_a_name_that_no_file_can_have_is_refused(refusal, words):
-    refusal([*words.split(), "n" * 256], "File name too long")
+    refusal(words.format("n" * 256).split(), "File name too long")
     assert os.listdir() == []
 
 
