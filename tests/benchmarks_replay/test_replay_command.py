@@ -1,4 +1,4 @@
-"""``deqmcl replay`` on a log recorded here: its tables, against plain loops, and what it says."""
+"""``deqmcl replay`` on a log recorded here: its tables, against NumPy, and what it says."""
 
 import math
 from dataclasses import replace
@@ -140,7 +140,7 @@ def tum(path):
     ("start", "beside"),
     [("reference", "dead-reckoning"), ("1.2,1,0", "dead-reckoning"), ("global", "mcl-map")],
 )
-def test_the_tables_are_those_of_plain_loops(recorded, start, beside):
+def test_the_tables_are_those_of_numpy(recorded, start, beside):
     told = (*KNOWN, f"--start={start}", "--set", "assumed.scan.power=0.3")
     assert replay(*told, "--localizers", f"mcl,{beside}", "--out", "o", drawn=True) == 0
     results = {row["localizer"]: row for row in lines(Path("o"), "results.csv")}

@@ -1,4 +1,4 @@
-"""Rooms in metres are the same rooms; a lidar anywhere on the robot."""
+"""Rooms in metres are the same rooms."""
 
 import numpy as np
 import pytest

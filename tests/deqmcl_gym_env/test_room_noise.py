@@ -1,4 +1,4 @@
-"""Noise as documented; a seed means the same everywhere; sources never disturb each other."""
+"""Noise as documented; what a seed starts; sources never disturb each other."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The examples and the notebook run; some need an extra and are skipped without it."""
+"""The examples and the notebook run; the learned scan model and its data are what they say."""
 
 import json
 import os
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from deqmcl_command import python
 from refusals import refused
-from test_links import ROOT
+from test_documents import ROOT
 from training_data import main, recorded
 
 import localizers

@@ -14,7 +14,7 @@ import pytest
 from bags import written
 from deqmcl_command import exit_code, lines, python
 from mcap.reader import make_reader
-from test_links import ROOT
+from test_documents import ROOT
 
 from benchmarks.trials.stage import DISTURBANCES
 from deqmcl_gym import logs

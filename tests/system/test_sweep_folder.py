@@ -1,4 +1,4 @@
-"""The folder of a sweep: what is run again or refused, after failures, faults and other code."""
+"""The folder of a sweep: what is run again or refused after failures, faults, new code; verify."""
 
 import errno
 import json

@@ -1,4 +1,4 @@
-"""Links lead somewhere, names of code are there, questions have answers, tables are right."""
+"""Documents: links and names lead somewhere, questions have answers, lengths, tables of code."""
 
 import inspect
 import json
