@@ -251,6 +251,15 @@ def test_places_without_room_are_refused(start, goal, words):
         ROUTES.to(goal).start_at(start)
 
 
+def test_goals_anywhere_in_any_of_several_offices_are_in_the_space():
+    office = {"wings": 1, "corridors": 1}
+    env = gym.make(JOURNEY, floor_plan={"office": {"seeds": [0, 5], **office}})
+    for seed in range(5):
+        x0, y0, x1, y1 = Office(seed=seed, **office).grid.bounds
+        for corner in ((x0, y0), (x1, y1)):
+            assert np.array(corner, np.float32) in env.observation_space["goal"]
+
+
 def graph_of(routes):
     """Costs of steps between neighbouring free cells, a sparse matrix, by the definition."""
     free = {cell: number for number, cell in enumerate(zip(*np.nonzero(routes._room), strict=True))}
