@@ -96,7 +96,7 @@ def write_report(
         if of is not None or not (folder / MANIFEST).is_file():
             own_folder(folder, "results.csv")
         tables = _tables(results)
-        for name in ("decisions.csv", "plans.csv", "maps.csv", "basin.csv"):
+        for name in ("decisions.csv", "plans.csv", "basin.csv"):
             if name not in tables:
                 (folder / name).unlink(missing_ok=True)
         files = write_files(folder, tables)  # the numbers, whatever keeps the pictures away
@@ -118,7 +118,7 @@ def _tables(results: Results) -> dict[str, bytes]:
     if results.rule is not None:
         tables["decisions"] = csv_of(results.decisions)
     starts = starts_table(results.records, (failure.trial for failure in results.failures))
-    further = {"plans": results.plans, "maps": results.maps, "basin": starts}
+    further = {"plans": results.plans, "basin": starts}
     tables |= {name: csv_of(own) for name, own in further.items() if len(own)}
     return {f"{name}.csv": utf8(text) for name, text in tables.items()}
 

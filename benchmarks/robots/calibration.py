@@ -19,10 +19,10 @@ import numpy as np
 
 from benchmarks.console import doing
 from benchmarks.robots.played import REPLAY_SCENARIO, Replay
+from benchmarks.robots.scan_fits import known_part
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import Overrides, located
 from benchmarks.tables.text import percent
-from benchmarks.trials.map_signals import known_part
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import TrackLog

@@ -21,9 +21,9 @@ from benchmarks.report.charts import INK, Chart, styled
 from benchmarks.report.runs import ended
 from benchmarks.report.tables import Part, Table
 from benchmarks.report.tracks import map_axes
+from benchmarks.robots import scan_fits
 from benchmarks.robots.played import Replay
 from benchmarks.tables.text import percent
-from benchmarks.trials import map_signals
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
@@ -72,9 +72,9 @@ class Residuals:
     whose: str = ""
 
     @cached_property
-    def _fit(self) -> map_signals.Fit:
-        known = map_signals.known_part(self.floor_plan)
-        return map_signals.Expected.of(known, self.lidar, self.poses).fit(self.ranges)
+    def _fit(self) -> scan_fits.Fit:
+        known = scan_fits.known_part(self.floor_plan)
+        return scan_fits.Expected.of(known, self.lidar, self.poses).fit(self.ranges)
 
     @cached_property
     def used(self) -> Bools:
@@ -86,20 +86,20 @@ class Residuals:
             return np.asarray(np.nanmedian(windows, axis=1) >= _EXPLAINED)
 
     @cached_property
-    def lattice(self) -> map_signals.Lattice:
+    def lattice(self) -> scan_fits.Lattice:
         """The cells that places are made of."""
-        return map_signals.Lattice.over(self.floor_plan)
+        return scan_fits.Lattice.over(self.floor_plan)
 
     @cached_property
     def places(self) -> list[Place]:
         """Where the map is wrong, the place of the most evidence first."""
         used, fit, length = self.used, self._fit, metre(self.floor_plan.unit)
-        rays = map_signals.Rays.of(self.lattice, self.lidar, self.poses[used])
+        rays = scan_fits.Rays.of(self.lattice, self.lidar, self.poses[used])
         ranges, expected = self.ranges[used].astype(np.float64), fit.expected[used]
         returned, short, long = fit.returned[used], fit.short[used], fit.long[used]
-        clear = map_signals.CLEAR * length
+        clear = scan_fits.CLEAR * length
         ends = np.column_stack([points.ravel() for points in rays.points(ranges)])
-        hit = short & map_signals.known_part(self.floor_plan).free(ends).reshape(short.shape)
+        hit = short & scan_fits.known_part(self.floor_plan).free(ends).reshape(short.shape)
         solid = self.floor_plan  # all whose unknown cells are free
         solid = replace(solid, unknown="free") if isinstance(solid, GridMap) else solid
         hit[hit] = solid.distance(ends[hit.ravel()]) > clear
@@ -107,8 +107,8 @@ class Residuals:
         with np.errstate(invalid="ignore"):
             ended_there = returned & ~short & ~long & (np.abs(ranges - expected) <= clear)
         passed = rays.passed(np.where(returned, ranges - clear, 0.0))
-        stopped = map_signals.count(walls[ended_there], self.lattice)
-        numbers = _poses_apart(self.poses[used], map_signals.APART * length)
+        stopped = scan_fits.count(walls[ended_there], self.lattice)
+        numbers = _poses_apart(self.poses[used], scan_fits.APART * length)
         seen = {HIT: (rays.cells(ranges), hit, passed), THROUGH: (walls, long, stopped)}
         places = list[Place]()
         for kind, (cells, against, agreed) in seen.items():
@@ -120,7 +120,7 @@ class Residuals:
         self, kind: str, cells: Indices, poses: Indices, agreed: Indices
     ) -> Iterator[Place]:
         """Yield places by the cell and the pose of each beam against the map, and what agrees."""
-        against = map_signals.count(cells, self.lattice)
+        against = scan_fits.count(cells, self.lattice)
         share = against / np.maximum(against + agreed, 1)
         total = max(int(against.sum() + agreed.sum()), 1)
         usual = float(np.clip(int(against.sum()) / total, *_USUAL))
@@ -162,9 +162,9 @@ class Residuals:
         fits = fit.returned[self.used] & ~short & ~long
         if not fits.any():
             return ""
-        rays = map_signals.Rays.of(self.lattice, self.lidar, self.poses[self.used])
+        rays = scan_fits.Rays.of(self.lattice, self.lidar, self.poses[self.used])
         x, y = rays.points(ranges)
-        off = map_signals.known_part(self.floor_plan).distance(np.column_stack([x[fits], y[fits]]))
+        off = scan_fits.known_part(self.floor_plan).distance(np.column_stack([x[fits], y[fits]]))
         cell = getattr(self.floor_plan, "resolution", _CELL * metre(unit))
         blur, against = float(np.median(off)), int((short | long).sum())
         things = sum(place.beams for place in self.places) / max(against, 1)

@@ -16,7 +16,7 @@ from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.comparison import decide, decisions_table, results_table
 from benchmarks.tables.panels import Panel, panels, trial_words
-from benchmarks.tables.signals import maps_table, plans_table
+from benchmarks.tables.signals import plans_table
 from benchmarks.tables.stats import FIRST, Rule
 from benchmarks.tables.text import BASELINE
 from benchmarks.trials.scoring import Finished
@@ -89,11 +89,6 @@ class Results:
     def plans(self) -> pd.DataFrame:
         """A row per setting, method that reads plans, and signal of a plan that conflicts."""
         return plans_table(self._compared)
-
-    @cached_property
-    def maps(self) -> pd.DataFrame:
-        """A row per panel, method, question and signal of a map that is wrong."""
-        return maps_table(self._compared)
 
     @property
     def made_by(self) -> str:

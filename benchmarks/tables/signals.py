@@ -2,7 +2,7 @@
 
 That is P(value of a step in trouble < value of another) + ½ P(equal), over all steps of all worlds
 (Fawcett 2006, section 7; the statistic of Mann & Whitney 1947); intervals are over worlds. Trouble
-is that the belief is far off, the plan would collide from the true pose, or the map is wrong here.
+is that the belief is far off, or that the plan would collide from the true pose.
 """
 
 import math
@@ -20,13 +20,9 @@ from benchmarks.trials.scoring import Finished
 from deqmcl_gym.numerics import Bools, Floats, Indices
 
 RECENT = 20  # steps over which log-evidence is averaged, too
-WRONG = 0.1  # of the returns: if more contradict the map at the true pose, it is wrong here
-QUESTIONS = ("lost", "wrong", "wrong_localized", "which")  # docs/reports.md says of which steps
-_CONFLICTS, _STEPS = ("conflict_steps", "conflict_worlds"), ("steps", "worlds")
+_CONFLICTS = ("conflict_steps", "conflict_worlds")
 _PLANS = ("scenarios", *PANEL[1:], "signal", *ends("auroc"), *_CONFLICTS)
-_MAPS = (*PANEL, "question", "signal", *ends("auroc"), *_STEPS)
-_RISING = ("short", "long", "repeated", "elsewhere")  # signals that are large in trouble
-_OTHERS = ("world", "run", "trouble", "off", "wrong")  # columns of a step beside the signals
+_OTHERS = ("world", "run", "trouble")  # columns of a step beside the signals
 
 
 def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Interval:
@@ -104,42 +100,6 @@ def _of_plans(steps: pd.DataFrame) -> list[dict[str, Any]]:
     return rows
 
 
-def maps_table(panels: Iterable[Panel]) -> pd.DataFrame:
-    """Return a row per panel, method, question and signal: maps.csv, panel and label.
-
-    Lost, or is the map wrong here? Of trials whose world differs from the map. Signals are those of
-    ``trials.map_signals``, and ``trusted``, of a method that doubts its plan. The AUROC is that of
-    the natural order (small ``quality``, large ``short``); below ½ it says the opposite.
-    """
-    rows = [
-        panel.columns(label) | found
-        for panel in panels
-        for label, records in panel.records.items()
-        for found in _of_maps(_steps((r for r in records if r.against_map), _map))
-    ]
-    return pd.DataFrame(rows, columns=[*_MAPS, "panel", "label"])
-
-
-def _of_maps(steps: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return a row for each question and signal."""
-    if steps.empty:
-        return []
-    lost, wrong, there = steps["off"] > 0, steps["wrong"] > WRONG, steps["wrong"].notna()
-    trouble = {"lost": lost, "wrong": wrong, "wrong_localized": wrong, "which": lost}
-    asked = {"wrong_localized": steps["off"] == 0, "which": lost | wrong}
-    steps = steps.assign(**{name: -steps[name] for name in _RISING})
-    rows = []
-    for question in QUESTIONS:
-        known = asked.get(question, there) & there & steps["off"].notna()
-        told = steps.assign(trouble=trouble[question].astype(float).where(known))
-        rows += [
-            {"question": question, "signal": name} | _detected(told, name, _STEPS)
-            for name in map(str, steps)
-            if name not in _OTHERS
-        ]
-    return rows
-
-
 def _detected(steps: pd.DataFrame, name: str, columns: tuple[str, str]) -> dict[str, float]:
     """Return how well a column tells steps in trouble, of those where both are known, as columns.
 
@@ -189,10 +149,3 @@ def _plan(record: Finished) -> dict[str, Any]:
     first = np.maximum(last - RECENT, 0)
     columns[f"log_evidence_{RECENT}"] = (total[last] - total[first]) / (last - first)
     return columns if record.quality is None else columns | {"quality": record.quality}
-
-
-def _map(record: Finished) -> dict[str, Any]:
-    """What is true and seen of the map at each step."""
-    columns: dict[str, Any] = dict(record.against_map or {})
-    trusted = (record.plan or {}).get("trusted", [])
-    return columns | ({"trusted": trusted} if any(one is not None for one in trusted) else {})

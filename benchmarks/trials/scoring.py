@@ -100,8 +100,6 @@ class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
     events: dict[str, Count]
     # ``trace.plan_columns`` of the steps t = 1 … T; None if no plan was read
     plan: dict[str, list[Number | None]] | None = None
-    # ``map_signals.MAP_COLUMNS`` of the steps t = 1 … T; None where the world is as on the map
-    against_map: dict[str, list[Number | None]] | None = None
     journey: WholeRun | None = None
     track: RecordedTrack | None = None
 
@@ -152,7 +150,6 @@ def record(trace: Trace) -> TrialRecord:
         scans_used=trace.scans_used,
         events=trace.events,
         plan=plan_columns(trace.plans[1:]),
-        against_map=None if trace.against is None else trace.against.columns(),
         journey=None if whole is None or run is None else WholeRun.of(run, whole.groups),
         track=RecordedTrack.of(whole) if isinstance(whole, TrackLog) else None,
     )

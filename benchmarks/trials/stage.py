@@ -30,7 +30,6 @@ from benchmarks.setup.names import (
 from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.episode import Step, drive, followed, sees_belief
-from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import ScoreGroup, groups_named
 from benchmarks.trials.scoring import TrialRecord, record
 from benchmarks.trials.spec import Provenance, Trial, code_digest, stream, versions
@@ -141,9 +140,7 @@ class Stage:
 
     def trace(self, driven: Drive | None = None) -> Trace:
         """Run the trial, as ``moments`` does, and return its trace."""
-        room, steps = self.room, self.moments(driven)
-        against = MapSignals(room.floor_plan, room.lidar) if differs(room) else None
-        return Trace(steps, self.trial.offsets, self.task, self.collector(), against)
+        return Trace(self.moments(driven), self.trial.offsets, self.task, self.collector())
 
     def check(self) -> None:
         """Begin an episode, make the agent and what the filters assume, without running it."""

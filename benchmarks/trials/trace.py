@@ -18,7 +18,6 @@ from benchmarks.trials.clouds import (
     measured,
 )
 from benchmarks.trials.episode import Step
-from benchmarks.trials.map_signals import MapSignals
 from benchmarks.trials.scores import TRACK_GROUPS, Estimates, ScoreGroup, track_scores
 from benchmarks.trials.tracks import (
     EstimatedTrack,
@@ -155,8 +154,7 @@ def calibration_of(track: EstimatedTrack, judged: int) -> Calibration | None:
 class Trace:
     """An episode that is run to its end: what was believed at these offsets, and what is counted.
 
-    ``whole`` collects the run, ``against`` what contradicts the map where the world differs from
-    it: both trust the form of a belief.
+    ``whole`` collects the run: it trusts the form of a belief.
     """
 
     def __init__(
@@ -165,10 +163,9 @@ class Trace:
         offsets: Iterable[int],
         task: Surroundings,
         whole: JourneyLog | TrackLog | None = None,
-        against: MapSignals | None = None,
     ) -> None:
         self.unit, self.thresholds = task.floor_plan.unit, task.thresholds
-        self.whole, self.against = whole, against
+        self.whole = whole
         asked = tuple(offsets)
         self.lag = max(map(abs, asked), default=0)  #: L
         self.seconds = 0.0  #: the localizer's time, reset left out
@@ -194,7 +191,7 @@ class Trace:
         if step.t > 0:
             self.seconds += step.seconds
             self._ranges.append(step.ranges)
-        for collector in (self._scored, self._sampled, self.whole, self.against):
+        for collector in (self._scored, self._sampled, self.whole):
             if collector is not None:
                 collector.see(step)
 

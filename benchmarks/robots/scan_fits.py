@@ -1,22 +1,14 @@
-"""How scans fit a map; and whether a robot is lost, or the map wrong here: what tells of either.
+"""How scans from poses on a map fit it, by beam; cells over a map, and the rays that pass them."""
 
-Fits are seen from poses on the map; the signals, where the world differs from it, at the best
-cluster of a belief, but for the two columns of the truth.
-"""
-
-import math
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from benchmarks.trials.episode import Step
-from benchmarks.trials.tracks import FOUND, NEAR, columns_of
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Reals
-from localizers import best_cluster, quality_of
 
 CLEAR = 0.2  # m by which a reading differs from all that the map says from poses nearby
 _SIGMAS = 3.0  # of the lidar's noise, if that is more
@@ -173,83 +165,3 @@ class Rays(NamedTuple):
 def count(cells: Indices, lattice: Lattice) -> Indices:
     """Count the points in each cell of a lattice, (k,); -1 is none."""
     return np.bincount(cells[cells >= 0], minlength=lattice.size)
-
-
-TRUTH = ("off", "wrong")
-SIGNALS = ("quality", "explained", "beyond_random", "short", "long", "repeated", "elsewhere")
-MAP_COLUMNS = (*TRUTH, *SIGNALS)
-_RANDOM = 256  # poses anywhere on the map
-_ROOM = 0.3  # m: places nearer to each other than about this are one
-_ROOT = 30  # of the randomness: the poses are the same for every trial on a map
-
-
-def differs(room: Any) -> bool:
-    """Whether an env's world is made to differ from its map."""
-    world = getattr(room, "world", None)
-    return world is not None and bool(world.differs_from_map)
-
-
-class MapSignals:
-    """Collects a row of ``MAP_COLUMNS`` per step; shares are of the returns of the step's scan.
-
-    - off: 1 if the best cluster is not within 1 m and 30° of the true pose, else 0.
-    - wrong: share that contradicts the map at the true pose.
-    - quality: the belief's confidence that it is not lost, of its loss detector.
-    - explained, short, long: shares that agree with the map or read clearly less or more.
-    - beyond_random: explained, less the most that is explained at one of 256 random poses.
-    - repeated: share that contradicts the map at a place where a beam from a pose at least 0.5 m
-      away has contradicted it before; elsewhere: at another place.
-    """
-
-    def __init__(self, floor_plan: Map, lidar: Lidar) -> None:
-        self._known, self._lidar = known_part(floor_plan), lidar
-        self._metre = metre(floor_plan.unit)
-        self._random = Expected.of(self._known, lidar, _anywhere(floor_plan))
-        self._lattice = Lattice.over(floor_plan, _ROOM)
-        self._from = np.full((self._lattice.size, 2), np.nan)  # the pose of the first one, by cell
-        self._rows: list[list[float | None]] = []
-
-    def see(self, step: Step) -> None:
-        """Take in a step."""
-        points = step.belief.points()
-        if points is None or step.t == 0 or not np.isfinite(step.truth).all():
-            self._rows.append([None] * len(MAP_COLUMNS))
-            return
-        best = np.array(best_cluster(*points, unit=self._known.unit).mean)
-        ranges = np.asarray(step.ranges, np.float64)
-        fit = Expected.of(self._known, self._lidar, np.array([best, step.truth])).fit(ranges)
-        with np.errstate(invalid="ignore"):
-            at_random = self._random.fit(ranges).explained.max()
-        explained, wrong = fit.explained[0], 1 - fit.explained[1]
-        short, long = fit.short[0], fit.long[0]
-        returned, against = max(int(fit.returned[0].sum()), 1), int((short | long).sum())
-        ends = np.where(short, ranges, np.where(long, fit.expected[0], np.inf))
-        repeated = self._repeated(best, ends)
-        near = NEAR[FOUND](best[None], step.truth, unit=self._known.unit)
-        shares = explained, explained - at_random, fit.share(fit.short)[0], fit.share(fit.long)[0]
-        places = repeated / returned, (against - repeated) / returned
-        self._rows.append([not near[0], wrong, quality_of(step.belief), *shares, *places])
-
-    def columns(self) -> dict[str, list[float | None]]:
-        """Return the rows of the steps t = 1 … T as columns by name."""
-        return columns_of(MAP_COLUMNS, self._rows[1:])
-
-    def _repeated(self, best: Floats, ends: Floats) -> int:
-        """Count the beams against the map, with these ends, where it was contradicted before."""
-        cells = Rays.of(self._lattice, self._lidar, best[None]).cells(ends[None])[0]
-        cells = cells[cells >= 0]
-        off = np.hypot(*(self._from[cells] - best[:2]).T)
-        new = np.unique(cells[np.isnan(off)])
-        self._from[new] = best[:2]
-        with np.errstate(invalid="ignore"):
-            return int((off >= APART * self._metre).sum())
-
-
-def _anywhere(floor_plan: Map) -> Floats:
-    """Return random poses in free space, (n, 3)."""
-    rng, free = np.random.default_rng(_ROOT), np.empty((0, 3))
-    x0, y0, x1, y1 = floor_plan.bounds
-    while len(free) < _RANDOM:
-        drawn = rng.uniform((x0, y0, -math.pi), (x1, y1, math.pi), (4 * _RANDOM, 3))
-        free = np.vstack([free, drawn[floor_plan.free(drawn)]])
-    return free[:_RANDOM]
