@@ -1,11 +1,11 @@
 """What is fitted to a log: the power of its scans, and what seems wrong with it or its map.
 
 Beams are not independent, so p(o | x, m)^power needs a power below 1 (Thrun, Burgard & Fox 2005,
-section 6.3.4): here the one with which the filter is most exact. That its region holds is the
-calibration's work, not its. Clocks, the lidar's mounting and the wheels are fits of few numbers,
-with standard errors by the gradients of ten stretches of the log (White 1982). A fault is told if
-it is four of these beyond what nobody can tell: the period of the records, a cell of the map, half
-a cell per m.
+section 6.3.4): here the one with which the filter is most exact; the calibration sees to it that
+the region holds. Clocks, the lidar's mounting and the wheels are fits of few numbers, with standard
+errors by the gradients of ten stretches of the log (White 1982). A fault is reported if it exceeds
+what nobody can tell by four standard errors: the period of the records, a cell of the map, half a
+cell per m.
 """
 
 import math
@@ -67,10 +67,10 @@ def with_fitted_power(replay: Replay) -> Replay:
     world["start"] = int(np.flatnonzero(same)[0])
     with doing("fitting the power of the scan model to the first part of the log"):
         tried = {
-            power: _followed(world, Overrides(assumed | {"scan.power": power}), count)
+            power: _measured(world, Overrides(assumed | {"scan.power": power}), count)
             for power in _POWERS
         }
-    scores = {power: score for power, (score, off) in tried.items() if off <= _NEAR}
+    scores = {power: score for power, (score, error) in tried.items() if error <= _NEAR}
     if not scores:
         words = (
             f"With no power of a scan's likelihood from {min(_POWERS)} to 1 does mcl "
@@ -78,7 +78,7 @@ def with_fitted_power(replay: Replay) -> Replay:
             "errors and regions of methods that use it say little. Check map, mounting and start."
         )
         return replace(replay, power=words)
-    power = min(scores, key=lambda tried: scores[tried])
+    power = min(scores, key=scores.__getitem__)
     words = (
         f"The likelihood of a scan is raised to the power {power:g}, the best of {len(_POWERS)} by "
         f"the log score of what mcl publishes in the first {count:,} records, calibrated; with it, "
@@ -102,7 +102,7 @@ def first_judged(log: Log) -> int | None:
     return judged if np.count_nonzero(log.referenced < judged) >= _ENOUGH else None
 
 
-def _followed(world: Mapping[str, Any], assumed: Overrides, count: int) -> tuple[float, float]:
+def _measured(world: Mapping[str, Any], assumed: Overrides, count: int) -> tuple[float, float]:
     """Return the log score of what is published, and the 95 % quantile of position errors, m."""
     trial = Trial(
         scenario=REPLAY_SCENARIO,
@@ -134,7 +134,7 @@ _CELL = 0.05  # m, also of a map without cells
 _REACH = 0.3  # m from a wall beyond which a beam says nothing of the mounting
 _APART = 0.5  # m or rad of odometry between poses that tell of wheels
 _BACKS = 5  # of such stretches backward, told as ahead, that tell of odometry without a sign
-_LATEST, _PAUSE = 3.0, 5.0  # s: of offsets looked for; between poses that tell of none
+_LATEST, _PAUSE = 3.0, 5.0  # s: offsets looked for; longest pause between poses compared
 
 _Off = Callable[[Floats], Floats]  # by the numbers that are fitted
 
@@ -211,13 +211,13 @@ def _mounting_words(log: Log, floor_plan: Map) -> str | None:
         return misfit
     ranges, bearings = log.ranges[scan, beam].astype(np.float64), scanner.bearings[beam]
     (x, y, heading), (ahead, left) = reference[scan].T, scanner.places[0]
-    cosine, sine, known = np.cos(heading), np.sin(heading), known_part(floor_plan)
+    cosine, sine, known_map = np.cos(heading), np.sin(heading), known_part(floor_plan)
 
     def off(moved: Floats) -> Floats:
         u = ahead + moved[0] + ranges * np.cos(bearings + moved[2])
         v = left + moved[1] + ranges * np.sin(bearings + moved[2])
         ends = np.column_stack([x + cosine * u - sine * v, y + sine * u + cosine * v])
-        return np.minimum(known.distance(ends), _REACH * size)
+        return np.minimum(known_map.distance(ends), _REACH * size)
 
     turns = [0] if misfit is None else sorted(range(-180, 180, 5), key=abs)
     starts = [np.array([0.0, 0.0, math.radians(turn)]) for turn in turns]
@@ -246,24 +246,24 @@ def _wheels_words(log: Log) -> str | None:
     size = metre(log.unit)
     if log.posed.size < _LEAST:
         return None
-    own = log.of_records(log.posed).spaced(_APART * size, _APART)
-    assert own.reference is not None
-    told, true = increments_of(own.odometry), increments_of(own.reference)
-    ways, along = lengths_of(told), (told * true)[:, :2].sum(axis=1)
+    spaced = log.of_records(log.posed).spaced(_APART * size, _APART)
+    assert spaced.reference is not None
+    odometry, reference = increments_of(spaced.odometry), increments_of(spaced.reference)
+    ways, along = lengths_of(odometry), (odometry * reference)[:, :2].sum(axis=1)
     back = (ways > 2 * _CELL * size) & (along < -0.25 * ways**2)
     if back.sum() >= _BACKS:
         return (
             f"the odometry has no sign: {ways[back].sum() / size:.1f} m that it goes ahead are "
-            f"backward by the reference, the first at {own.times[back.argmax()]:.1f} s; filters "
+            f"backward by the reference, the first at {spaced.times[back.argmax()]:.1f} s; filters "
             "can get lost there: let the driver tell backward drives as such."
         )
     near = ways < 4 * _APART * size
-    (length, turn), (farther, turned) = (
-        (lengths_of(each[near]) / size, each[near, 2]) for each in (told, true)
+    (length, turn), (true_length, true_turn) = (
+        (lengths_of(each[near]) / size, each[near, 2]) for each in (odometry, reference)
     )
     off: list[_Off] = [
-        lambda by: farther - (1 + by[0]) * length,
-        lambda by: arrays.wrapped(turned - (1 + by[1]) * turn - by[2] * length),
+        lambda by: true_length - (1 + by[0]) * length,
+        lambda by: arrays.wrapped(true_turn - (1 + by[1]) * turn - by[2] * length),
     ]
     (ahead, more, aside), sd = _least(turn.size, off, [np.zeros(3)], [0.02, 0.02, 0.02])
     if not (np.abs([ahead, more, aside]) - _SURE * sd > _CELL / 2).any():

@@ -35,7 +35,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
 
 _ENDINGS = r"\.(tum|csv|txt|bag|mcap|db3)$"
-_ALL = 0.99  # share of the records that an estimate need not cover without being told
+_ALL = 0.99  # share of the records that an estimate must cover, else there is a warning
 
 
 @dataclass(frozen=True)
@@ -68,13 +68,13 @@ class Played:
 def played_before(folder: Path) -> Played:
     """Return what a folder of ``replay`` has played, and its runs."""
     panels = results_in(folder).panels
-    there = tracked(panels[0]) if panels else None
-    if there is None or there[0].empty:
+    replayed = tracked(panels[0]) if panels else None
+    if replayed is None or replayed[0].empty:
         raise InputError(
             f"{folder} is no folder of deqmcl replay with runs whose log and map are still there: "
             "give one, or --reference."
         )
-    runs, floor_plan = there
+    runs, floor_plan = replayed
     setup = scenario(panels[0].setting.scenario).changed(panels[0].setting.world)
     assert isinstance(setup, LogScenario)
     return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)
@@ -103,10 +103,10 @@ def at_own_times(estimate: Trajectory, reference: Trajectory) -> EstimatedTrack:
     """Return an estimate at its times with a reference, its odometry there."""
     times, n = estimate.times, estimate.times.size
     blind = Scanner(angles=(0.0,), max_range=1.0), times, np.zeros((n, 3)), np.full((n, 1), np.inf)
-    known = referenced(Log(*blind, source=estimate.source), reference)
-    at, poses = known.referenced, known.reference
+    log = referenced(Log(*blind, source=estimate.source), reference)
+    at, poses = log.referenced, log.reference
     assert poses is not None
-    log = replace(known.of_records(at), odometry=poses[at])
+    log = replace(log.of_records(at), odometry=poses[at])
     return EstimatedTrack(log, estimate.poses[at], estimate.spread_at(at))
 
 
@@ -148,7 +148,7 @@ def estimates_of(words: Sequence[str]) -> dict[str, Trajectory]:
 def score(
     by: Played | Trajectory, estimates: Mapping[str, Trajectory], out: Path
 ) -> tuple[list[str], str, pd.DataFrame]:
-    """Score estimates, write results.csv and trials.csv; return warnings, words, the former."""
+    """Score estimates, write results.csv and trials.csv; return warnings, text and table."""
     ours = [by.runs] if isinstance(by, Played) and by.runs is not None else []
     for label in estimates:
         if any(label in set(before["label"]) for before in ours):
@@ -173,10 +173,10 @@ def score(
         if poses.sum() < _ALL * poses.size
     ]
     if isinstance(by, Played):
-        clock, own = (by.whole.times, by.whole.odometry), by.whole.posed
+        clock, posed = (by.whole.times, by.whole.odometry), by.whole.posed
         if by.whole.reference is not None:
-            true = by.whole.times[own], by.whole.reference[own]
-            warnings.append(late_words("the reference", *clock, *true))
+            reference = by.whole.times[posed], by.whole.reference[posed]
+            warnings.append(late_words("the reference", *clock, *reference))
         how = (
             f"Scored at {len(by.log):,} records of {Path(by.log.source).name}: the last pose of "
             "the estimate, carried on by the odometry since."
@@ -190,7 +190,7 @@ def score(
             "interpolated in straight lines; give --log to follow the odometry. Metres are those "
             "of the reference."
         )
-    warnings += [late_words(n, *clock, one.times, one.poses) for n, one in estimates.items()]
+    warnings += [late_words(n, *clock, est.times, est.poses) for n, est in estimates.items()]
     texts = [
         *accuracy(pd.concat([*ours, plain])),
         *(table.text() for table in tables_of(runs)),

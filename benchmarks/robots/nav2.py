@@ -27,14 +27,14 @@ from localizers import DifferentialMotion, OmniMotion, RobotModel, make
 from localizers.methods.amcl import DIFFERENTIAL, OMNI, amcl
 from localizers.models.nav2_motion import MotionModel, kind_of
 
-_OWN = "ros__parameters"
+_PARAMETERS = "ros__parameters"
 _BOOLS = dict.fromkeys(("y", "yes", "true", "on"), True)
 _BOOLS |= dict.fromkeys(("n", "no", "false", "off"), False)
 _Nodes = dict[str, dict[str, Any]]
 _OURS = ("robot", "selective_resampling", "field_cell")  # of ``amcl``; all others are Nav2's
 _OF_LOGS = {"laser_max_range": 100.0, "laser_min_range": -1.0}  # are no parameters of ``amcl``
-_TAKEN = sorted(signature(amcl).parameters.items())
-_DEFAULTS = {name: own.default for name, own in _TAKEN if name not in _OURS} | _OF_LOGS
+_ARGUMENTS = sorted(signature(amcl).parameters.items())
+_DEFAULTS = {name: arg.default for name, arg in _ARGUMENTS if name not in _OURS} | _OF_LOGS
 _RANGES: Mapping[str, Mapping[str, Any]] = {
     "pf_z": {"low": 0},
     "sigma_hit": {"low": 0, "above": True},
@@ -63,12 +63,12 @@ _OF_ROS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Amcl:
-    """What a robot's AMCL is told, as our localizers, logs and scenarios take it. Lengths in m."""
+    """A robot's AMCL parameters, as our localizers, logs and scenarios take them. Lengths in m."""
 
     source: str  # where it was read
     file: Path
     params: Mapping[str, Any]  # of our ``amcl``
-    reading: Mapping[str, float]  # given bounds of the ranges that are measurements: of logs
+    reading: Mapping[str, float]  # bounds of the ranges that are measurements, if set: for logs
     motion: MotionModel  # what other localizers assume of the odometry
     # (distance, angle rad) between records, a quarter of ``update_min_*``: so updates come in time
     every: tuple[float, float]
@@ -78,35 +78,35 @@ class Amcl:
 
     @property
     def notes(self) -> list[str]:
-        """What of the filter is not as AMCL has it, in sentences; nothing if all is."""
-        whys = dict.fromkeys(why for why in self.unused.values() if why != _ROS)
-        left = [(why, [n for n, own in self.unused.items() if own == why]) for why in whys]
-        told = [f"not used: {', '.join(names)} ({why})" for why, names in left]
-        return [f"{self.source}: {said}" for said in [*told, *self.remarks]]
+        """What is not used, or is otherwise than in AMCL, in sentences; empty if nothing is."""
+        unused = {name: reason for name, reason in self.unused.items() if reason != _ROS}
+        names_by_reason = {why: [n for n in unused if unused[n] == why] for why in unused.values()}
+        notes = [f"not used: {', '.join(n)} ({why})" for why, n in names_by_reason.items()]
+        return [f"{self.source}: {note}" for note in [*notes, *self.remarks]]
 
     def differences(self, params: Mapping[str, Any], replay: Replay) -> list[str]:
-        """In what a replay with other parameters differs, in a sentence; nothing if in none."""
+        """How a replay with other parameters differs, in a sentence; empty if it does not."""
         world = replay.world
         distance, angle = spacing("every", world["every"], replay.log.unit)
-        file, now = {**self.params}, {**self.params, **params}
-        now["max_beams"] = min(now["max_beams"], world["max_beams"])
-        now["update_min_d"] = max(now["update_min_d"], distance)
-        now["update_min_a"] = max(now["update_min_a"], angle)
+        file, played = {**self.params}, {**self.params, **params}
+        played["max_beams"] = min(played["max_beams"], world["max_beams"])
+        played["update_min_d"] = max(played["update_min_d"], distance)
+        played["update_min_a"] = max(played["update_min_a"], angle)
         for name in ("max_range", "min_range"):
             file[f"laser_{name}"] = self.reading.get(name, "the sensor's")
-            now[f"laser_{name}"] = world.get(f"reading.{name}", "the sensor's")
+            played[f"laser_{name}"] = world.get(f"reading.{name}", "the sensor's")
         prior, first = replay.scenario.prior, replay.log[0].reference
         if self.start is not None:
             file["initial_pose"] = self.start
-            now["initial_pose"] = replay.assumed.get("prior.mean", "another start")
+            played["initial_pose"] = replay.assumed.get("prior.mean", "another start")
             if type(prior) is Gaussian and prior.mean is None and first is not None:
                 near = Near(prior.sd_position, prior.sd_heading)
                 same = near([first], self.start, unit=replay.log.unit)[0]
                 x, y, heading = first
                 at = f"the reference's first pose ({x:z.2f}, {y:z.2f}, {heading:z.2f})"
-                now["initial_pose"] = self.start if same else at
-        told = [f"{n} {file.get(n)} → {v}" for n, v in now.items() if v != file.get(n)]
-        return [f"{self.source}: what is played differs in {', '.join(told)}"] if told else []
+                played["initial_pose"] = self.start if same else at
+        changes = [f"{n} {file.get(n)} → {v}" for n, v in played.items() if v != file.get(n)]
+        return [f"{self.source}: what is played differs in {', '.join(changes)}"] if changes else []
 
     @property
     def assumed(self) -> dict[str, Any]:
@@ -117,7 +117,7 @@ class Amcl:
 
     @property
     def world(self) -> dict[str, Any]:
-        """What they say of the log, as settings of ``replay_of``."""
+        """What the parameters say of the log, as settings of ``replay_of``."""
         records = {"world.every": self.every, "world.max_beams": self.params["max_beams"]}
         return records | self.bounds
 
@@ -131,13 +131,13 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
     """Read a Nav2 file's parameters of a node, as "/robot1/amcl"; None is the only amcl in it."""
     _, nodes, twice = _nodes_of(path)
     name = _node_named(nodes, path, node)
-    given = {n: v for pattern in _fitting(name, nodes) for n, v in nodes[pattern].items()}
-    later = [n for n, value in nodes.get(name, {}).items() if given[n] != value]
-    noted = {"given twice, where rcl joins tables and takes the later value": twice}
-    noted |= {f"overridden by a wildcard that stands after {name}, as in rclcpp": later}
+    values = {n: v for pattern in _fitting(name, nodes) for n, v in nodes[pattern].items()}
+    overridden = [n for n, value in nodes.get(name, {}).items() if values[n] != value]
+    remarks = {"given twice, where rcl joins tables and takes the later value": twice}
+    remarks |= {f"overridden by a wildcard that stands after {name}, as in rclcpp": overridden}
     room = PolygonMap(((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)), unit="m")
     try:
-        file = _amcl(path, f"{path}, node {name}", given, noted)
+        file = _amcl(path, f"{path}, node {name}", values, remarks)
         lidar = Lidar(max_range=file.reading.get("max_range", 100.0))
         robot = RobotModel(floor_plan=room, lidar=lidar, motion=file.motion)
         make("amcl", robot, **file.params, field_cell=0.1)  # looks at them, in any room
@@ -164,65 +164,65 @@ def nav2_document(
     for name in ("laser_model_type", "robot_model_type"):
         if params.get(name) == "robot":
             raise InputError(f"{name} is 'robot', which Nav2's AMCL does not have.")
-    told = {n: _value(n, default, params) for n, default in usual_params().items()}
+    values = {n: _value(n, default, params) for n, default in usual_params().items()}
     if path is None:
-        return {"amcl": {"ros__parameters": told}}
+        return {"amcl": {"ros__parameters": values}}
     document, nodes, _ = _nodes_of(path)
     name = _node_named(nodes, path, node)
     if _fitting(name, nodes)[-1] != name:  # what stands last is not overridden
-        held = {at: key for key in document for at, _ in _tables({key: document[key]})}
-        inner = document.pop(key := held.get(name, name), {})
-        document[key] = inner if name in held else {**inner, _OWN: {}}
-    dict(_tables(document))[name].update(told)
+        tops = {full: key for key in document for full, _ in _tables({key: document[key]})}
+        inner = document.pop(key := tops.get(name, name), {})
+        document[key] = inner if name in tops else {**inner, _PARAMETERS: {}}
+    dict(_tables(document))[name].update(values)
     return document
 
 
-def _amcl(file: Path, source: str, raw: Mapping[str, Any], noted: dict[str, list[str]]) -> Amcl:
+def _amcl(file: Path, source: str, raw: Mapping[str, Any], remarks: dict[str, list[str]]) -> Amcl:
     filled = {n: _ENV.sub(r"\2", str(v)) for n, v in raw.items() if _ENV.search(str(v))}
-    given = {**raw, **{n: _scalar(text) for n, text in filled.items()}}
-    said = {name: _value(name, default, given) for name, default in _DEFAULTS.items()}
-    one_of("laser_model_type", said["laser_model_type"], _LASERS)
-    robot = one_of("robot_model_type", said["robot_model_type"], _ROBOTS)
-    said["robot_model_type"] = _ROBOTS[robot]
+    values = {**raw, **{n: _scalar(text) for n, text in filled.items()}}
+    settings = {name: _value(name, default, values) for name, default in _DEFAULTS.items()}
+    one_of("laser_model_type", settings["laser_model_type"], _LASERS)
+    robot = one_of("robot_model_type", settings["robot_model_type"], _ROBOTS)
+    settings["robot_model_type"] = _ROBOTS[robot]
     model = OmniMotion if _ROBOTS[robot] == OMNI else DifferentialMotion
-    alphas = [own.name for own in fields(model) if own.name.startswith("alpha")]
-    unused = dict.fromkeys(sorted({n.split(".")[0] for n in given} & {*_OF_ROS}), _ROS)
-    strange = [n for n in given if n not in _KNOWN and n.split(".")[0] not in unused]
+    alphas = [f.name for f in fields(model) if f.name.startswith("alpha")]
+    unused = dict.fromkeys(sorted({n.split(".")[0] for n in values} & {*_OF_ROS}), _ROS)
+    strange = [n for n in values if n not in _KNOWN and n.split(".")[0] not in unused]
     unused |= dict.fromkeys(strange, "no parameter of Nav2's AMCL")
-    unknown = [n for n in _START if "$(" in str(given.get(n))]
+    unknown = [n for n in _START if "$(" in str(values.get(n))]
     unused |= dict.fromkeys(unknown, "a launch substitution: no start is taken")
     start = None
-    if not unknown and _value("set_initial_pose", False, given):
-        start = pose("initial_pose", [_value(name, 0.0, given) for name in _POSE])
-        of_it = [name for name in strange if name.startswith("initial_pose")]
-        unused |= dict.fromkeys(of_it, f"Nav2 starts at x, y and yaw of initial_pose, {start}")
+    if not unknown and _value("set_initial_pose", False, values):
+        start = pose("initial_pose", [_value(name, 0.0, values) for name in _POSE])
+        unread = [name for name in strange if name.startswith("initial_pose")]
+        unused |= dict.fromkeys(unread, f"Nav2 starts at x, y and yaw of initial_pose, {start}")
     defaults = [f"{n} {shown(raw[n])}" for n in filled if n in _KNOWN and n not in unknown]
-    noted["launch substitutions, whose default is taken"] = defaults
-    noted["taken, but of types that Nav2 refuses"] = [
-        f"{n} {shown(given[n])} (must be {_TYPES[type(own)]})"
-        for n, own in _KNOWN.items()
-        if n not in unknown and type(given.get(n, own)) is not type(own)
+    remarks["launch substitutions, whose default is taken"] = defaults
+    remarks["taken, but of types that Nav2 refuses"] = [
+        f"{n} {shown(values[n])} (must be {_TYPES[type(default)]})"
+        for n, default in _KNOWN.items()
+        if n not in unknown and type(values.get(n, default)) is not type(default)
     ]
-    wide = said["update_min_a"] > math.pi
-    noted["above π, so that no turn is enough for an update"] = ["update_min_a"] * wide
+    wide = settings["update_min_a"] > math.pi
+    remarks["above π, so that no turn is enough for an update"] = ["update_min_a"] * wide
     # not above 0: what the sensor says, as in Nav2
-    bounds = {"max_range": said["laser_max_range"], "min_range": said["laser_min_range"]}
+    bounds = {"max_range": settings["laser_max_range"], "min_range": settings["laser_min_range"]}
     return Amcl(
         source=source,
         file=file,
-        params={name: value for name, value in said.items() if name not in _OF_LOGS},
+        params={name: value for name, value in settings.items() if name not in _OF_LOGS},
         reading={name: value for name, value in bounds.items() if 0 < value < math.inf},
-        motion=model(**{name: said[name] for name in alphas}),
-        every=(said["update_min_d"] / _FINER, said["update_min_a"] / _FINER),
+        motion=model(**{name: settings[name] for name in alphas}),
+        every=(settings["update_min_d"] / _FINER, settings["update_min_a"] / _FINER),
         start=start,
         unused=unused,
-        remarks=[f"{why}: {', '.join(names)}" for why, names in noted.items() if names],
+        remarks=[f"{why}: {', '.join(names)}" for why, names in remarks.items() if names],
     )
 
 
-def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
-    """Return what is given for a parameter, of its default's type, or the default."""
-    value = given.get(name, default)
+def _value(name: str, default: Any, values: Mapping[str, Any]) -> Any:
+    """Return a parameter's value, of its default's type, or the default."""
+    value = values.get(name, default)
     if "$(" in str(value):
         raise InputError(
             f"{name} is {shown(value)}, a launch substitution, but must be a value: give the file "
@@ -244,12 +244,12 @@ def _nodes_of(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:
     twice: list[str] = []
     nodes: _Nodes = {}
     try:
-        found = yaml_of(content_of(path), lambda root: _built(root, "", {}, twice))
+        tree = yaml_of(content_of(path), lambda root: _built(root, "", {}, twice))
     except FileNotFoundError:
         raise InputError(f"{path} does not exist: give Nav2's parameter file.") from None
     except UnreadableError as error:
         raise InputError(f"{path} {error}: give another file.") from None
-    tops = found.items() if isinstance(found, dict) else ()
+    tops = tree.items() if isinstance(tree, dict) else ()
     document = {name: table for name, table in tops if isinstance(table, dict)}
     for name, table in _tables(document):
         nodes.setdefault(name, {}).update(_dotted(table))
@@ -259,7 +259,7 @@ def _nodes_of(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:
 def _tables(document: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the parameters of all nodes by full name, namespaces nested or written out."""
     for name, inner in document.items():
-        if isinstance(inner, dict) and at and name == _OWN:
+        if isinstance(inner, dict) and at and name == _PARAMETERS:
             yield at, inner
         elif isinstance(inner, dict):
             yield from _tables(inner, f"{at.rstrip('/')}/{name.strip('/')}")
@@ -267,32 +267,32 @@ def _tables(document: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, di
 
 def _fitting(name: str, patterns: Iterable[str]) -> list[str]:
     """Return the names and wildcards that fit a node, in order."""
-    some = {
+    regexes = {
         p: re.escape(p).replace(r"/\*\*", "(/[^/]+)*").replace(r"/\*", "/[^/]+") for p in patterns
     }
-    return [pattern for pattern, names in some.items() if re.fullmatch(names, name)]
+    return [pattern for pattern, regex in regexes.items() if re.fullmatch(regex, name)]
 
 
 def _node_named(nodes: _Nodes, path: Path, asked: str | None) -> str:
     """Return the node asked for, or the only amcl, or the shortest that most wildcards fit."""
-    own = [name for name in nodes if name.endswith("/amcl") and "*" not in name]
+    filters = [name for name in nodes if name.endswith("/amcl") and "*" not in name]
     if asked is not None:
         name = f"/{asked.strip('/')}"
-        likely = name.endswith("/amcl") or not own  # a typing error would fit "/**", too
+        likely = name.endswith("/amcl") or not filters  # a typing error would fit "/**", too
         return name if likely and _fitting(name, nodes) else one_of(f"node of {path}", name, nodes)
-    if not own:
+    if not filters:
         most: dict[str, int] = {}
         for pattern in nodes:
             at = pattern.replace("/**", "")
             names = at, f"{at.removesuffix('/*')}/amcl"
             shortest = [n for n in names if n.endswith("/amcl") and _fitting(n, [pattern])][:1]
             most |= {name: len(_fitting(name, nodes)) for name in shortest}
-        own = [name for name, count in most.items() if count == max(most.values())]
-    if len(own) == 1:
-        return own[0]
-    there = ", ".join(nodes) or "none at all: is it of ROS 1?"
-    has = f"{len(own)} nodes of AMCL, {', '.join(own)}"
-    has = has if own else f"no node amcl with {_OWN} (its nodes: {there})"
+        filters = [name for name, count in most.items() if count == max(most.values())]
+    if len(filters) == 1:
+        return filters[0]
+    listed = ", ".join(nodes) or "none at all: is it of ROS 1?"
+    has = f"{len(filters)} nodes of AMCL, {', '.join(filters)}"
+    has = has if filters else f"no node amcl with {_PARAMETERS} (its nodes: {listed})"
     raise InputError(f"{path} has {has}: choose one by --node, or give Nav2's parameter file.")
 
 
@@ -308,13 +308,13 @@ def _scalar(text: str) -> Any:
     return text or None
 
 
-def _built(node: Any, at: str, found: Any, twice: list[str]) -> Any:
+def _built(node: Any, at: str, before: Any, twice: list[str]) -> Any:
     """Return a YAML node's value, joined to what stands before it under the same name."""
     if isinstance(node, yaml.ScalarNode):
         return node.value if node.style in ("'", '"') else _scalar(node.value)
     if not isinstance(node, yaml.MappingNode):
-        return [_built(one, at, {}, twice) for one in node.value] if node else None
-    joined = found if isinstance(found, dict) else {}
+        return [_built(item, at, {}, twice) for item in node.value] if node else None
+    joined = before if isinstance(before, dict) else {}
     for key, value in node.value:
         name = str(key.value)
         path = f"{at}.{name}" if at else name

@@ -34,7 +34,7 @@ NO_ERROR = (
 )
 _DEFAULTS = {"world.unknown": "obstacle", "world.every": EVERY, "world.max_beams": 60}
 _PARTS = ("world", "assumed", "params")
-_SIDEWAYS = 0.1  # share of the way above which sideways motion is told; 1 to 2 % in two real logs
+_SIDEWAYS = 0.1  # share of the way above which a warning is given; 1 to 2 % in two real logs
 _UNKNOWN = {
     "obstacle": "obstacles, which stop beams and the robot",
     "transparent": "transparent, they stop the robot but no beam",
@@ -72,9 +72,9 @@ class Replay:
         """What is played."""
         log, every = self.log, self.world["every"]
         distance, angle = spacing("every", every, log.unit)
-        apart = f"{distance:g} {log.unit} or {math.degrees(angle):.3g}° apart"
+        interval = f"{distance:g} {log.unit} or {math.degrees(angle):.3g}° apart"
         return (
-            f"{len(log):,} records of {file_names(self.world['log'])}, {apart}, with "
+            f"{len(log):,} records of {file_names(self.world['log'])}, {interval}, with "
             f"{log.scanner.beams} beams each on the map {Path(self.world['map']).name}, "
             f"{log.driven[-1]:,.0f} {log.unit} by odometry."
         )
@@ -121,8 +121,8 @@ class Replay:
     def _start(self) -> str:
         prior = self.scenario.prior
         if type(prior) is not Gaussian:
-            told = (f"{n} {value}" for n, value in self.assumed.items() if n.startswith("prior."))
-            return f"Start: {', '.join(told)}."
+            settings = values_among(self.assumed, "prior.")
+            return f"Start: {', '.join(f'prior.{n} {value}' for n, value in settings.items())}."
         around = "the reference's first pose"
         if (at := prior.mean or self.log[0].reference) is not None:
             x, y, heading = at
@@ -148,17 +148,17 @@ def replay_of(
         start: "reference", "global", a pose of the robot (or "x,y,θ"), "room=x,y,x,y,…",
             "near=x,y,within" or the path of a TOML file with a table [prior]; None is the reference
             if there is one.
-        otherwise: the start of a log without a reference, if none is said.
+        otherwise: the start of a log without a reference, if none is given.
         settings: by name, arguments of ``LogEnv`` (world.every, world.max_beams, world.radius,
             world.unknown, world.changed_walls.…, and in world.reading.… those of ``logs.read``)
             and what localizers assume (assumed.motion.…, assumed.scan.…, assumed.prior.…); of the
             motion, what is not given is estimated from the reference, if there is one.
     """
-    given, asked = _parts(_DEFAULTS | dict(settings))
+    env, assumptions = _parts(_DEFAULTS | dict(settings))
     for name in ("log", "map", "reference"):
-        if name in given:
+        if name in env:
             raise InputError(f"world.{name} is set beside the log that is given: leave one out.")
-    if "segment" in given:
+    if "segment" in env:
         raise InputError("world.segment is for sweeps over a log: here the whole log is played.")
     parts = [log] if isinstance(log, str | Path) else log
     named = ", ".join(map(str, parts))
@@ -166,12 +166,12 @@ def replay_of(
         "log": tuple(map(os.path.abspath, parts)) if len(parts) > 1 else os.path.abspath(parts[0]),
         "map": os.path.abspath(floor_plan),
         **({} if reference is None else {"reference": os.path.abspath(reference)}),
-        **given,
+        **env,
     }
     whole = REPLAY.changed(world).whole
     if start is None:
         start = "reference" if whole.reference is not None else otherwise
-    if start is None and not any(name.startswith("prior.") for name in asked):
+    if start is None and not any(name.startswith("prior.") for name in assumptions):
         raise InputError(
             f"{named} has no reference: give --reference, --start x,y,θ or --start global."
         )
@@ -191,7 +191,7 @@ def replay_of(
         raise InputError(
             f"{where} ({at[0]:g}, {at[1]:g}), but that is no free space on the map: give {remedy}."
         )
-    assumed, origin = _with_noise(world, absolute_assumed(Overrides(asked)), played)
+    assumed, origin = _with_noise(world, absolute_assumed(Overrides(assumptions)), played)
     rest = whole.segment(world.get("start", 0))
     return Replay(
         world=Overrides(world),
@@ -210,7 +210,7 @@ def reading_among(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def values_among(settings: Mapping[str, Any], head: str = "params.") -> dict[str, Any]:
-    """Return the settings whose names begin so, without that; of parameters, if it is not given."""
+    """Return the settings whose names begin with ``head``, by the rest of their names."""
     return {n.removeprefix(head): value for n, value in settings.items() if n.startswith(head)}
 
 
@@ -235,25 +235,25 @@ def _with_noise(
     world: Mapping[str, Any], assumed: Mapping[str, Any], played: Log
 ) -> tuple[dict[str, Any], str]:
     """Return what is assumed, with the noise of the motion that is not given, and its origin."""
-    noise, given = REPLAY.changed(world, assumed).motion, dict(assumed)
-    if isinstance(table := given.get("motion"), Mapping):
-        given |= {f"motion.{name}": value for name, value in table.items()}
-        del given["motion"]
+    noise, values = REPLAY.changed(world, assumed).motion, dict(assumed)
+    if isinstance(table := values.get("motion"), Mapping):
+        values |= {f"motion.{name}": value for name, value in table.items()}
+        del values["motion"]
     names = [f"motion.{name}" for name in vars(noise)]
-    told = [name.partition(".")[2] for name in given if name in names]
-    if {*names} - {"motion.still"} <= given.keys():
-        return given, "given"
+    fixed = [name.partition(".")[2] for name in values if name in names]
+    if {*names} - {"motion.still"} <= values.keys():
+        return values, "given"
     origin = "assumed, as there is no reference"
     if shows_noise(played):
         origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
     elif played.reference is not None:
         origin = "assumed, as too few records that move have a reference pose of their own time"
-    if not told:
-        return given, origin
+    if not fixed:
+        return values, origin
     if shows_noise(played):
         estimated = vars(motion_noise(played, kind_of(noise)))
-        given = {f"motion.{name}": value for name, value in estimated.items()} | given
-    return given, f"{', '.join(told)} given; the rest {origin}"
+        values = {f"motion.{name}": value for name, value in estimated.items()} | values
+    return values, f"{', '.join(fixed)} given; the rest {origin}"
 
 
 def length_and_angle(option: str, text: str) -> tuple[float, float]:
@@ -267,16 +267,16 @@ def length_and_angle(option: str, text: str) -> tuple[float, float]:
 def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
     """Return a start as assumptions: a prior, or the mean of one."""
     if isinstance(start, str) and start.endswith(".toml"):
-        given = documents.read_toml(Path(start), "prior")
+        table = documents.read_toml(Path(start), "prior")
         with documents.errors_name(Path(start)):
-            documents.check_values(given, ["prior"])
-            return dict(Overrides.told("prior", {"prior": given.get("prior", {})}))
+            documents.check_values(table, ["prior"])
+            return dict(Overrides.told("prior", {"prior": table.get("prior", {})}))
     if start == "global":
         return {"prior.kind": "uniform"}
     word, equals, text = start.rpartition("=") if isinstance(start, str) else ("", "", start)
-    known = parsed("--start", text) if isinstance(text, str) else text
-    some = isinstance(known, list | tuple) and all(isinstance(one, int | float) for one in known)
-    numbers = list(map(float, known)) if some else []
+    value = parsed("--start", text) if isinstance(text, str) else text
+    numeric = isinstance(value, list | tuple) and all(isinstance(n, int | float) for n in value)
+    numbers = list(map(float, value)) if numeric else []
     if word == "room" and len(numbers) >= 6 and len(numbers) % 2 == 0:
         corners = tuple(zip(numbers[::2], numbers[1::2], strict=True))
         return {"prior.kind": "uniform", "prior.polygon": corners}
@@ -294,11 +294,11 @@ def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
 
 def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
     """Say how many of the records played have a reference pose, and how good those between are."""
-    known = played.referenced
-    if not known.size:
+    count = played.referenced.size
+    if not count:
         return ""
     within = tolerance_of(played, tolerance)
-    between = known.size - played.posed.size
+    between = count - played.posed.size
     counts = [
         f"{played.posed.size:,} of {len(played):,} records have a pose within "
         f"{1000 * within:.3g} ms of their own time"
@@ -308,10 +308,10 @@ def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
             f"for {between:,} it is interpolated along the odometry, whose error is spread over "
             "the way between two poses"
         )
-    if unknown := len(played) - known.size:
+    if unknown := len(played) - count:
         counts.append(f"{unknown:,} without one do not count")
-    said = f"Reference: {'; '.join(counts)}."
-    return said + _interpolated_words(whole) if between else said
+    sentence = f"Reference: {'; '.join(counts)}."
+    return sentence + _interpolated_words(whole) if between else sentence
 
 
 def _interpolated_words(log: Log) -> str:

@@ -50,7 +50,7 @@ _RUNS = (
 
 @dataclass(frozen=True)
 class Planned:
-    """Runs of localizers on a log, which nobody has run yet."""
+    """Runs of localizers on a log, not begun."""
 
     replay: Replay  # what is played
     sweep: Sweep  # whose worlds are the runs of each localizer
@@ -83,7 +83,7 @@ def planned(
         usual = nav2[0].world | nav2[0].assumed
         usual["world.every"] = tuple(map(min, zip(*(file.every for file in nav2), strict=True)))
         usual["world.max_beams"] = max(file.params["max_beams"] for file in nav2)
-    with doing("reading the log and the map"), log_warnings() as of_reader:
+    with doing("reading the log and the map"), log_warnings() as reader_warnings:
         replay = replay_of(
             log,
             floor_plan,
@@ -92,7 +92,7 @@ def planned(
             otherwise=nav2[0].start if nav2 else None,
             settings=usual | dict(settings),
         )
-    warnings = warn(of_reader)  # whatever fails later
+    warnings = warn(reader_warnings)  # whatever fails later
     params = params_by_localizer(values_among(settings), localizers)
     replay = calibration.judged_after_part(replay)
     if any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items()):
@@ -109,9 +109,9 @@ def planned(
         amcl = {**file.params, **params["amcl"]}
         warnings += warn(file.differences(amcl, replay))
         if particles is not None:
-            own = f"has the file's, {amcl['min_particles']} to {amcl['max_particles']}"
-            more = "--set params.amcl.max_particles=… makes the comparison fair"
-            warnings += warn([f"--particles {particles} is not of amcl, which {own}: {more}"])
+            sizes = f"has the file's, {amcl['min_particles']} to {amcl['max_particles']}"
+            remedy = "--set params.amcl.max_particles=… makes the comparison fair"
+            warnings += warn([f"--particles {particles} is not of amcl, which {sizes}: {remedy}"])
     return Planned(replay, sweep, warnings)
 
 
@@ -162,8 +162,8 @@ def gated(sweep: Sweep, every: str | None) -> list[str]:
     waits = [method.params.keys() for method in sweep.localizers if method.name == "amcl"]
     if every is None or not waits or {"update_min_d", "update_min_a"} & waits[0]:
         return []
-    apart = zip(spacing("--every", every, "m"), spacing("every", OFTEN, "m"), strict=True)
-    if all(asked <= often for asked, often in apart):
+    limits = zip(spacing("--every", every, "m"), spacing("every", OFTEN, "m"), strict=True)
+    if all(asked <= often for asked, often in limits):
         return []
     return [
         "amcl updates when the robot has moved 0.25 m or turned 0.2 rad, as Nav2's does, but only "
@@ -317,14 +317,14 @@ def touches(replay: Replay) -> str | None:
 
 def _tracks(replay: Replay, runs: pd.DataFrame) -> dict[str, bytes]:
     """Return the trajectories of all runs, and the reference, as TUM files by name."""
-    log, known, files = replay.log, replay.log.referenced, {}
-    if log.reference is not None and known.size:
-        files[f"{_TRACKS}/reference.tum"] = Trajectory(log.times[known], log.reference[known]).tum
+    log, at, files = replay.log, replay.log.referenced, {}
+    if log.reference is not None and at.size:
+        files[f"{_TRACKS}/reference.tum"] = Trajectory(log.times[at], log.reference[at]).tum
     labels = list(runs["label"].unique())
-    words = dict(zip(labels, file_words(labels), strict=True))
+    names = dict(zip(labels, file_words(labels), strict=True))
     done = ended(runs)
     for label, seed, track in zip(done["label"], done["seed"], done["track"], strict=True):
-        files[f"{_TRACKS}/{words[label]}-{seed}.tum"] = Trajectory(log.times, track.best).tum
+        files[f"{_TRACKS}/{names[label]}-{seed}.tum"] = Trajectory(log.times, track.best).tum
     return files
 
 
@@ -341,17 +341,17 @@ def methods_of(
     files = {str(file.file.with_suffix("")): file for file in nav2}
     if len(files) < len(nav2):
         raise InputError(f"--nav2 names a file twice, of {', '.join(files)}: give each once.")
-    words, methods, sizes = short_names(files), list[Method](), dict[str, int]()
+    short, methods, sizes = short_names(files), list[Method](), dict[str, int]()
     if particles is not None:
         sizes = dict.fromkeys(("particles", "max_particles"), particles)
         sizes["min_particles"] = min(particles, 500)
     for name in localizers:
         sets: dict[Overrides, list[str]] = {}  # files of one and the same parameters are one row
         for path, file in files.items() if name == "amcl" else ():
-            sets.setdefault(Overrides(file.params) | own.get(name, {}), []).append(words[path])
+            sets.setdefault(Overrides(file.params) | own.get(name, {}), []).append(short[path])
         if not sets:
             taken = parameters(name) or ()
-            usual = Overrides({word: n for word, n in sizes.items() if word in taken})
+            usual = Overrides({key: n for key, n in sizes.items() if key in taken})
             sets[usual | own.get(name, {})] = []
         for params, sources in sets.items():
             label = f"{name} ({' = '.join(sources)})" if sources and len(files) > 1 else ""

@@ -73,8 +73,8 @@ class Residuals:
 
     @cached_property
     def _fit(self) -> scan_fits.Fit:
-        known = scan_fits.known_part(self.floor_plan)
-        return scan_fits.Expected.of(known, self.lidar, self.poses).fit(self.ranges)
+        floor_plan = scan_fits.known_part(self.floor_plan)
+        return scan_fits.Expected.of(floor_plan, self.lidar, self.poses).fit(self.ranges)
 
     @cached_property
     def used(self) -> Bools:
@@ -108,7 +108,7 @@ class Residuals:
             ended_there = returned & ~short & ~long & (np.abs(ranges - expected) <= clear)
         passed = rays.passed(np.where(returned, ranges - clear, 0.0))
         stopped = scan_fits.count(walls[ended_there], self.lattice)
-        numbers = _poses_apart(self.poses[used], scan_fits.APART * length)
+        numbers = _numbered(self.poses[used], scan_fits.APART * length)
         seen = {HIT: (rays.cells(ranges), hit, passed), THROUGH: (walls, long, stopped)}
         places = list[Place]()
         for kind, (cells, against, agreed) in seen.items():
@@ -129,8 +129,8 @@ class Residuals:
         pairs = np.unique(np.column_stack([labels[cells[inside]], poses[inside]]), axis=0)
         for label in range(1, labels.max() + 1):
             at = np.flatnonzero(labels == label)
-            apart = int((pairs[:, 0] == label).sum())
-            if apart < _LEAST_POSES or at.size < _LEAST_CELLS:
+            count = int((pairs[:, 0] == label).sum())
+            if count < _LEAST_POSES or at.size < _LEAST_CELLS:
                 continue
             centres = self.lattice.centres(at)
             x, y = centres.mean(axis=0).tolist()
@@ -139,8 +139,8 @@ class Residuals:
             part = float(beams / (beams + others))
             other = max(1 - part, 1e-9)
             evidence = part * math.log(part / usual) + other * math.log(other / (1 - usual))
-            evidence *= apart
-            yield Place(kind, x, y, width, height, at.size, beams, apart, part, evidence, at)
+            evidence *= count
+            yield Place(kind, x, y, width, height, at.size, beams, count, part, evidence, at)
 
     @property
     def said(self) -> str:
@@ -255,8 +255,8 @@ def residuals_of(replay: Replay, runs: pd.DataFrame) -> Residuals | None:
     return Residuals(floor_plan, track.log.scanner, track.best, track.log.ranges, whose)
 
 
-def _poses_apart(poses: Reals, least: float) -> Indices:
-    """Number positions (n, 2+): each has the number of the first one that is nearer than this."""
+def _numbered(poses: Reals, least: float) -> Indices:
+    """Number positions (n, 2+); one nearer than ``least`` to an earlier one gets its number."""
     firsts: list[Reals] = []
     numbers = np.empty(len(poses), np.intp)
     for i, place in enumerate(poses[:, :2]):

@@ -26,7 +26,7 @@ class Fit(NamedTuple):
     long: Bools  # that, and clearly more
 
     def share(self, which: Bools) -> Floats:
-        """Share of the returns of each scan that are some, (n,); NaN of none."""
+        """Share of the returns of each scan that are ``which``, (n,); NaN without a return."""
         with np.errstate(invalid="ignore"):
             return np.asarray((which & self.returned).sum(axis=1) / self.returned.sum(axis=1))
 

@@ -51,7 +51,7 @@ ETA = 3  # of candidates, one of so many goes on
 RUNS = 3  # of default and winner on each held-out segment
 _FINALISTS, _FINAL_RUNS = 3, 2
 _MOST, _LEAST = 24, 2  # segments of each kind
-_KNOWN = 0.5  # share of a segment's records that must have a reference
+_REFERENCED = 0.5  # share of a segment's records that must have a reference
 _TRIES = 100  # to draw a start in free space
 _SEARCH = 7  # first key of the streams of a search, which are of none of its trials
 _STARTS, _DRAWS, _ORDER = 0, 1, 2  # second key
@@ -119,7 +119,7 @@ def _ends(replay: Replay, length: float, gap: float) -> Iterator[tuple[int, int]
             return
         inside = np.searchsorted(referenced, last, side="right") - begin
         at = first + 1
-        if inside >= _KNOWN * (last - first + 1):
+        if inside >= _REFERENCED * (last - first + 1):
             yield first, last
             at = max(last + 1, int(np.searchsorted(way, way[last] + gap)))
 
@@ -215,11 +215,11 @@ class Task:
 
 @dataclass(kw_only=True, eq=False)
 class Candidate:
-    """Values that are tried, as far as it has come."""
+    """Values that are tried, and how far they have come."""
 
     values: Overrides  # what is changed of the default, which changes nothing
     round: int  # in which it was drawn
-    whole_space: bool  # whether it was drawn from all of it
+    whole_space: bool  # whether it was drawn from all of the space
     rank: float = math.nan  # in the first rung of its round, from 0 (best) to 1
     segments: int = 0  # how many it has run on
     value: float = math.inf  # its mean score over them; inf if a run failed
@@ -317,7 +317,7 @@ class Search:
         )
 
     def _drawn(self, number: int, count: int, tried: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates of a round; after the first, fewer are some of ``ROUND``."""
+        """Return the candidates of a round; a smaller later round has part of a whole one."""
         task, rng = self.task, _stream(self.task.seed, _DRAWS, number)
         near, strips = (count // 2, ROUND - ROUND // 2) if number else (0, count - 1)
         whole = latin_hypercube(task.space, strips, rng)[: count - near]
@@ -388,15 +388,15 @@ class Search:
         self, candidates: Sequence[Overrides], segments: Sequence[Segment], runs: int
     ) -> list[list[Finished | None]]:
         """Run what was not yet run; return the runs of each candidate, by segment and run."""
-        each = [
+        rows = [
             [self.task.trial(values, segment, run) for segment in segments for run in range(runs)]
             for values in candidates
         ]
-        trials = {self.now.key(trial): trial for trial in chain(*each)}
+        trials = {self.now.key(trial): trial for trial in chain(*rows)}
         new = {key: trial for key, trial in trials.items() if key not in self._asked}
         run_missing(new, self.store, self.options, self.now)
         self._asked.update(new)
-        return [[self.store.get(self.now.key(trial), trial) for trial in own] for own in each]
+        return [[self.store.get(self.now.key(trial), trial) for trial in row] for row in rows]
 
 
 def search(task: Task, out: Path, options: Options, candidates: int) -> Tuning:
@@ -405,14 +405,14 @@ def search(task: Task, out: Path, options: Options, candidates: int) -> Tuning:
     state = msgspec.json.encode({"search": task, "made_by": now}, enc_hook=Overrides.json)
     if not is_empty(out):
         try:
-            apart = [*differences(json_of(content_of(out / STATE)), json_of(state))]
+            changes = [*differences(json_of(content_of(out / STATE)), json_of(state))]
         except FileNotFoundError:
             raise InputError(f"{out} holds files, but no {STATE}: give a new --out.") from None
         except UnreadableError as error:
             raise InputError(f"{out / STATE} {error}: give a new --out.") from None
-        if apart:
+        if changes:
             raise InputError(
-                f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
+                f"{out} holds a search for something else ({'; '.join(changes[:3])}): give a new "
                 "--out, or the same options."
             )
     with writing(out) as store:

@@ -34,9 +34,9 @@ _WIDE = 1.0  # m: a cloud wider than this gets more particles
 _APART = 0.5  # m: the median distance from which on a run is of another place
 _UNSURE = 0.25  # m: a pose with a larger standard deviation is doubtful
 _WINDOW = 5  # scans: the median of their shares tells whether the place is right
-_TOLD = 5  # stretches
+_LISTED = 5  # stretches
 _LONGER, _SLACK = 1.5, 1.0  # times the way by the odometry, m, that is doubtful
-_MOST, _TOO_MANY = 0.05, 1 / 3  # share of doubtful records told, and that no rest is relied on
+_MOST, _TOO_MANY = 0.05, 1 / 3  # share of doubtful records above which only parts serve, or none
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ class Smoothed:
     @property
     def verdict(self) -> str:
         """Whether the poses may serve as a reference, in a paragraph."""
-        apart = np.hypot(*(self.runs - self.poses)[..., :2].transpose(2, 0, 1)).max(axis=0)
-        apart, share = apart / metre(self.log.unit), float(self.doubtful.mean())
+        distances = np.hypot(*(self.runs - self.poses)[..., :2].transpose(2, 0, 1)).max(axis=0)
+        distances, share = distances / metre(self.log.unit), float(self.doubtful.mean())
         judged = "They may serve as a reference."
         if self.objection:
             judged = (
@@ -101,11 +101,11 @@ class Smoothed:
             f" Left out of {SMOOTHED[0]}, as fewer than half of the returns agree with the map, or "
             f"a position's standard deviation is above {_UNSURE} m: {self._stretches}."
         )
-        agreed, away = float(self.explained.mean()), np.quantile(apart, 0.95)
+        agreed, away = float(self.explained.mean()), np.quantile(distances, 0.95)
         return (
             f"{judged} {len(self.runs)} runs are within {away:.3f} m of their mean at 95 % of "
-            f"{apart.size:,} records, and {apart.max():.2f} m at most; a position's own standard "
-            f"deviation is {np.median(self.spread):.3f} m (median), "
+            f"{distances.size:,} records, and {distances.max():.2f} m at most; a position's own "
+            f"standard deviation is {np.median(self.spread):.3f} m (median), "
             f"{np.quantile(self.spread, 0.95):.3f} m (95 %). At the poses {percent(agreed)} of the "
             f"returns are within {AGREE[1]} m of what the map says."
             f"{elsewhere if self.elsewhere else ''}{left_out if share else ''} Errors that all "
@@ -120,7 +120,7 @@ class Smoothed:
         longest = sorted((edges - [0, 1]).tolist(), key=lambda ends: way[ends[0]] - way[ends[1]])
         words = [
             f"{way[first]:,.0f} to {way[last]:,.0f} m ({times[first]:.1f} to {times[last]:.1f} s)"
-            for first, last in sorted(longest[:_TOLD])
+            for first, last in sorted(longest[:_LISTED])
         ]
         more = len(edges) - len(words)
         return "; ".join([*words, f"{more} shorter ones"] if more else words)
@@ -130,13 +130,13 @@ class Smoothed:
 
         The latter only without an ``objection``.
         """
-        kept = ~self.doubtful
+        reliable = ~self.doubtful
         upper = self.covariances[:, *np.triu_indices(3)]
         rows = np.column_stack([self.log.times, self.poses, upper])
         lines = [",".join((*COLUMNS, *UPPER)), *(",".join(map(repr, r)) for r in rows.tolist())]
         contents = {SMOOTHED[1]: utf8("\n".join(lines) + "\n")}
-        if kept.any() and not self.objection:
-            contents[SMOOTHED[0]] = Trajectory(self.log.times[kept], self.poses[kept]).tum
+        if reliable.any() and not self.objection:
+            contents[SMOOTHED[0]] = Trajectory(self.log.times[reliable], self.poses[reliable]).tum
         out = own_folder(Path(folder), *SMOOTHED)
         (out / SMOOTHED[0]).unlink(missing_ok=True)  # of a run that had poses to rely on
         return write_files(out, contents)
@@ -221,7 +221,7 @@ def mean_poses(paths: Floats | Singles) -> Floats:
 
 
 def covariances(paths: Floats | Singles, mean: Floats) -> Floats:
-    """Return the mean products of what poses (k, n, 3) are off their mean (n, 3), (n, 3, 3)."""
+    """Return the covariances of poses (k, n, 3) about their mean (n, 3), (n, 3, 3)."""
     off = paths - mean
     off[..., 2] = arrays.wrapped(off[..., 2])
     return np.asarray((off[..., :, None] * off[..., None, :]).mean(axis=0))

@@ -135,10 +135,10 @@ def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOT
             ranges["min_particles"] = replace(_FEW, high=min(_FEW.high, most))
         return {n: r for n, r in ranges.items() if isinstance(r, Choice) or r.low < r.high}
     taken = parameters(localizer) or ()
-    own = {name: values for name, values in _OF_OTHERS.items() if name in taken}
-    if "lag" not in own:
-        own.pop("plan_beta", None)  # it would only choose poses at a start that is not known
-    return {**own, **_OF_SCAN, **{f"motion.{name}": _NOISE for name in noise}} if own else {}
+    ranges = {name: values for name, values in _OF_OTHERS.items() if name in taken}
+    if "lag" not in ranges:
+        ranges.pop("plan_beta", None)  # it would only choose poses at a start that is not known
+    return {**ranges, **_OF_SCAN, **{f"motion.{name}": _NOISE for name in noise}} if ranges else {}
 
 
 def space_of(
@@ -180,8 +180,8 @@ def space_of(
 
 def _range(name: str, value: Any) -> Range | Choice:
     if isinstance(value, list):
-        known = all(isinstance(choice, str | bool | int | float) for choice in value)
-        if not known or len({repr(choice) for choice in value}) < max(2, len(value)):
+        valid = all(isinstance(choice, str | bool | int | float) for choice in value)
+        if not valid or len({repr(choice) for choice in value}) < max(2, len(value)):
             raise InputError(
                 f"{name} is {value}, but must list two or more numbers, words, true or false, "
                 "each once."

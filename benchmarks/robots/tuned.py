@@ -26,7 +26,7 @@ from deqmcl_gym.validation import InputError
 NAV2 = "nav2.yaml"
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
 _KINDS = ("dropped on fewer segments", "on all training segments", "default", "winner")
-_SURE, _FALLEN = 0.9, 0.05  # share inside the 95 % region below which, and fall that, is told
+_SURE, _FALLEN = 0.9, 0.05  # warn of a share in the 95 % region below this that fell by that
 _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".3f", " m")}
 
 
@@ -46,15 +46,15 @@ def write_tuned(
         "## Best parameters": _changed(tuning),
     }
     page = {**parts, "## How this was made": _made(tuning, words)}
-    come = pd.DataFrame(map(vars, tuning.tried)).astype({"whole_space": int}).drop(columns="values")
+    rows = pd.DataFrame(map(vars, tuning.tried)).astype({"whole_space": int}).drop(columns="values")
     values = [dict(candidate.values) for candidate in tuning.tried]
-    values_of = pd.DataFrame(values, columns=[*tuning.task.space], dtype=object)
-    whole = pd.concat([come, values_of], axis=1)  # those of the default empty
+    parameters = pd.DataFrame(values, columns=[*tuning.task.space], dtype=object)
+    candidates = pd.concat([rows, parameters], axis=1)  # no values of the default
     contents = {
         "best.toml": utf8(_sweep_file(tuning, words)),
         "tuned.md": utf8("\n\n".join(f"{name}\n\n{text}" for name, text in page.items()) + "\n"),
         "tuned.csv": utf8(csv_of(table)),
-        "candidates.csv": utf8(whole.to_csv(index_label="candidate", lineterminator="\n")),
+        "candidates.csv": utf8(candidates.to_csv(index_label="candidate", lineterminator="\n")),
     }
     if best is not None:
         contents[NAV2] = utf8(best)
@@ -232,8 +232,8 @@ def _trade_off(tuning: Tuning) -> bytes:
     frame = frame[np.isfinite(frame["value"]) & (frame["ms_per_step"] > 0)]
     with styled():
         axes = line(frame, "ms_per_step", "value", axes=canvas(6.4, 3.8), ls="")
-        words = goal.words.replace("share of records ", "")
-        axes.set(xlabel="ms per step", ylabel=f"{words},{unit}", xscale="log")
+        label = goal.words.replace("share of records ", "")
+        axes.set(xlabel="ms per step", ylabel=f"{label},{unit}", xscale="log")
         if goal.unit == "nats":  # those of a filter that is lost and sure are huge
             axes.set_yscale("symlog", linthresh=10)
         elif goal.unit == "m" and (frame["value"] > 0).all():
