@@ -31,8 +31,8 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
         return tomllib.loads(io.StringIO(content.decode("utf-8-sig"), newline=None).read())
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        found = f"byte 0x{content[error.start]:02x} in line {line}"
-        raise InputError(f"{named} is not UTF-8 ({found}): save it as UTF-8.") from None
+        where = f"byte 0x{content[error.start]:02x} in line {line}"
+        raise InputError(f"{named} is not UTF-8 ({where}): save it as UTF-8.") from None
     except (RecursionError, ValueError) as error:  # or a number of thousands of digits
         why = "its values are nested too deeply" if isinstance(error, RecursionError) else error
         raise InputError(f"{named} is not valid TOML: {why}.") from None
@@ -90,7 +90,7 @@ def _check_value(value: Any, at: str) -> None:
 
 @contextmanager
 def said_from(root: Path) -> Iterator[None]:
-    """Let paths that are relative to some folder be ``Placed``, said from this one."""
+    """Let paths that are relative to some folder be ``Placed``, named from this one."""
     token = _ROOT.set(Path(os.path.abspath(root)))
     try:
         yield
@@ -112,20 +112,20 @@ def digest_of_file(path: str) -> str:
     A missing file has one, too: what reads the file reports it.
     """
     digest = sha256()
-    for own in _parts(Path(path.place if isinstance(path, Placed) else path)):
-        digest.update(f"{own.name}\0{content_digest(own)}\0".encode(errors="surrogateescape"))
+    for part in _parts(Path(path.place if isinstance(path, Placed) else path)):
+        digest.update(f"{part.name}\0{content_digest(part)}\0".encode(errors="surrogateescape"))
     return digest.hexdigest()
 
 
 def _parts(path: Path) -> list[Path]:
     if os.path.isdir(path):  # a bag of ROS 2, whose files stand side by side
-        whole = path.glob("*") if (path / "metadata.yaml").is_file() else ()
-        return sorted(part for part in whole if part.is_file())
+        files = path.glob("*") if (path / "metadata.yaml").is_file() else ()
+        return sorted(part for part in files if part.is_file())
     if path.suffix.lower() not in (".yaml", ".yml"):
         return [path]
     try:
-        said = yaml_of(content_of(path))
-        image = said.get("image") if isinstance(said, dict) else None
+        document = yaml_of(content_of(path))
+        image = document.get("image") if isinstance(document, dict) else None
     except (FileNotFoundError, UnreadableError):  # whoever loads the map says so
         image = None
     return [path, path.parent / image] if isinstance(image, str) else [path]

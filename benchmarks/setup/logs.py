@@ -56,15 +56,15 @@ class LogScenario(Scenario):
         if self.segments and not log.referenced.size:
             raise InputError(f"{log.source} has no reference to score by: name one as reference.")
         check_inside(log, floor_plan)
-        given = _arguments(self.env, _EPISODES)
-        shown = given.get("plan", "odometry")
-        if shown != "odometry" and self.agent.name != "open-loop":
+        arguments = _arguments(self.env, _EPISODES)
+        plan = arguments.get("plan", "odometry")
+        if plan != "odometry" and self.agent.name != "open-loop":
             raise InputError(
-                f"the agent is {self.agent.name!r} and plan is {shown!r}, but an agent other than "
+                f"the agent is {self.agent.name!r} and plan is {plan!r}, but an agent other than "
                 'open-loop needs the recorded actions: leave it out, or write plan = "odometry".'
             )
-        mismatch = "error" if shown == "odometry" else "ignore"
-        return LogEnv(log=log, map=floor_plan, on_mismatch=mismatch, **given)
+        mismatch = "error" if plan == "odometry" else "ignore"
+        return LogEnv(log=log, map=floor_plan, on_mismatch=mismatch, **arguments)
 
     def robot_model(self, room: TrialEnv) -> RobotModel:
         """Return what localizers and agents are made for."""
@@ -78,16 +78,16 @@ class LogScenario(Scenario):
 
     def motion_of(self, log: Log) -> MotionModel:
         """Return the motion that filters assume; with too little of a reference, the default."""
-        known = self.estimated and shows_noise(log)
-        return motion_noise(log, kind_of(self.motion)) if known else self.motion
+        fitted = self.estimated and shows_noise(log)
+        return motion_noise(log, kind_of(self.motion)) if fitted else self.motion
 
     def changed(
         self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING
     ) -> Self:
         """Return this scenario with some values changed; noise that is given is not estimated."""
-        found = super().changed(world, assumed)
-        given = any(name.startswith("motion.") and name != "motion.kind" for name in assumed)
-        return replace(found, estimated=found.estimated and not given)
+        scenario = super().changed(world, assumed)
+        noise_given = any(name.startswith("motion.") and name != "motion.kind" for name in assumed)
+        return replace(scenario, estimated=scenario.estimated and not noise_given)
 
     def recording(self) -> tuple[Log, Map]:
         """Return the records that are played and their map."""
@@ -151,8 +151,8 @@ def check_inside(log: Log, floor_plan: Map) -> None:
 
 def _arguments(env: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
     """Return arguments as the env takes them: TOML has no None, and "none" is a plan's name."""
-    given = {name: env[name] for name in names if name in env}
-    return {n: None if v == "none" and n != "plan" else v for n, v in given.items()}
+    values = {name: env[name] for name in names if name in env}
+    return {n: None if v == "none" and n != "plan" else v for n, v in values.items()}
 
 
 @lru_cache(maxsize=4)
@@ -180,40 +180,38 @@ def typical_steps(log: Log) -> tuple[Floats, Floats]:
     """Return increments of the odometry, and what the reference says was done, (k, 3) each.
 
     One for each stretch between consecutive poses of the reference, none interpolated. A stretch of
-    n > 1 records is told as one of its steps, of root mean square length and turn, with ``left``
+    n > 1 records is given as one of its steps, of root mean square length and turn, with ``left``
     NaN. Its error is 1/n of what the length and the turn of all stretches explain, as errors of
     wheels add up by steps, and 1/√n of the rest, as noise adds up by variances.
     """
     if log.reference is None:
         raise InputError(f"{log.source} has no reference: give the noise of the motion instead.")
-    between = np.zeros(len(log), np.bool_) if log.interpolated is None else log.interpolated
-    own = log.referenced[~between[log.referenced]]
-    if own.size < 2:
+    ends = log.posed
+    if ends.size < 2:
         return np.empty((0, 3)), np.empty((0, 3))
-    meant, done = increments_of(log.odometry[own]), increments_of(log.reference[own])
-    steps, off = np.diff(own), done - meant
+    odometry, reference = increments_of(log.odometry[ends]), increments_of(log.reference[ends])
+    counts, off = np.diff(ends), reference - odometry
     off[:, 2] = arrays.wrapped(off[:, 2])
     length, turn = lengths_of(log.increments), log.increments[:, 2]
-    way = _over(length, own)
-    net = lengths_of(meant)
-    ahead = (off * meant)[:, :2].sum(axis=1) / np.where(net > 0, net, 1.0)
+    way, net = _over(length, ends), lengths_of(odometry)
+    ahead = (off * odometry)[:, :2].sum(axis=1) / np.where(net > 0, net, 1.0)
     explained = np.column_stack(
         [
             _explained(ahead, way[:, None]),
-            _explained(off[:, 2], np.column_stack([way, meant[:, 2]])),
+            _explained(off[:, 2], np.column_stack([way, odometry[:, 2]])),
         ]
     )
     rest = np.column_stack([ahead, off[:, 2]]) - explained
-    n = steps[:, None]
+    n = counts[:, None]
     error = explained / n + rest / np.sqrt(n)
-    typical = np.sqrt(np.column_stack([_over(length**2, own), _over(turn**2, own)]) / n)
-    single, unknown = steps == 1, np.full(len(steps), np.nan)
-    told = np.column_stack([typical[:, 0], np.zeros(len(steps)), typical[:, 1]])
-    told[single] = meant[single]
-    true = np.column_stack([told[:, 0] + error[:, 0], unknown, told[:, 2] + error[:, 1]])
-    true[single] = done[single]
-    moving = np.abs(told).max(axis=1, initial=0.0) > 0
-    return told[moving], true[moving]
+    typical = np.sqrt(np.column_stack([_over(length**2, ends), _over(turn**2, ends)]) / n)
+    single, unknown = counts == 1, np.full(len(counts), np.nan)
+    step = np.column_stack([typical[:, 0], np.zeros(len(counts)), typical[:, 1]])
+    step[single] = odometry[single]
+    true = np.column_stack([step[:, 0] + error[:, 0], unknown, step[:, 2] + error[:, 1]])
+    true[single] = reference[single]
+    moving = np.abs(step).max(axis=1, initial=0.0) > 0
+    return step[moving], true[moving]
 
 
 def _over(values: Floats, ends: Indices) -> Floats:
@@ -224,13 +222,13 @@ def _over(values: Floats, ends: Indices) -> Floats:
 
 def _explained(errors: Floats, by: Floats) -> Floats:
     """Return the least-squares fit of errors (k,) by columns (k, j) without a constant, (k,)."""
-    fit, known = np.zeros(len(errors)), list[Floats]()
+    fit, basis = np.zeros(len(errors)), list[Floats]()
     for column in by.T:  # no LAPACK, whose last bits depend on the processor
-        left = column - sum((column * one).sum() * one for one in known)
-        size = np.sqrt(np.square(left).sum())
+        rest = column - sum((column * direction).sum() * direction for direction in basis)
+        size = np.sqrt(np.square(rest).sum())
         if size > 1e-12 * np.sqrt(np.square(column).sum()):
-            known.append(left / size)
-            fit += (errors * known[-1]).sum() * known[-1]
+            basis.append(rest / size)
+            fit += (errors * basis[-1]).sum() * basis[-1]
     return fit
 
 
@@ -248,9 +246,9 @@ def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
             "reference, too few to estimate the noise of the motion, which needs "
             f"{LEAST_STEPS}: give it by --motion, or in a scenario by assumed.motion."
         )
-    found = type(least).fitted(*steps)
+    fitted = type(least).fitted(*steps)
     noise = [name for name in vars(least) if name != "still"]
-    larger = {name: max(getattr(least, name) / 2, getattr(found, name)) for name in noise}
+    larger = {name: max(getattr(least, name) / 2, getattr(fitted, name)) for name in noise}
     return replace(least, **larger)
 
 

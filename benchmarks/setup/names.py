@@ -97,9 +97,9 @@ def is_plug_in(localizer: str, agent: Named | None) -> bool:
 
 def scenario_digest(name: str) -> str:
     """Return a digest of the files of a scenario, its agent and scan model; "" if built-in."""
-    of = scenario(name)
-    scan = SCAN_MODEL.digest(of.scan.kind) if isinstance(of.scan, ScanPlugIn) else ""
-    return of.source + AGENT.digest(of.agent.name) + scan
+    setup = scenario(name)
+    scan = SCAN_MODEL.digest(setup.scan.kind) if isinstance(setup.scan, ScanPlugIn) else ""
+    return setup.source + AGENT.digest(setup.agent.name) + scan
 
 
 def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
@@ -113,12 +113,12 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
 
         return LOGS[name]
     path = Path(name)
-    given = documents.read_toml(path, "scenario")
+    table = documents.read_toml(path, "scenario")
     with documents.errors_name(path):
-        documents.check_values(given, _KEYS)
-        base = documents.as_text("base", given.get("base", "paper"))
+        documents.check_values(table, _KEYS)
+        base = documents.as_text("base", table.get("base", "paper"))
         below = _scenario(absolute_scenario(base, path.parent), (*within, name))
-        return _changed(below, given, path, str(content_digest(path)))
+        return _changed(below, table, path, str(content_digest(path)))
 
 
 @cache
@@ -130,28 +130,28 @@ def _built_in(name: str) -> Scenario:
     return _changed(base, table, Path(name), "")
 
 
-def _changed(base: Scenario, given: Mapping[str, Any], path: Path, digest: str) -> Scenario:
+def _changed(base: Scenario, table: Mapping[str, Any], path: Path, digest: str) -> Scenario:
     """Return a scenario as a file, of this digest, changes it."""
-    prior = Overrides.told("prior", {"prior": given.get("prior", {})})
-    told = Overrides.told("assumed", given.get("assumed", {}))
-    world = Overrides.told("env", given.get("env", {})).beside(path.parent)
-    changed = base.changed(world, absolute_assumed(told, path.parent) | prior)
+    prior = Overrides.told("prior", {"prior": table.get("prior", {})})
+    assumed = Overrides.told("assumed", table.get("assumed", {}))
+    world = Overrides.told("env", table.get("env", {})).beside(path.parent)
+    changed = base.changed(world, absolute_assumed(assumed, path.parent) | prior)
     digests = "".join([base.source, digest, *map(digest_of_file, world.files)])
-    named = _agent(given.get("agent", {}), base.agent)
+    named = _agent(table.get("agent", {}), base.agent)
     return replace(
         changed,
-        words=documents.as_text("words", given.get("words", path.stem)),
+        words=documents.as_text("words", table.get("words", path.stem)),
         agent=absolute_agent(named, path.parent),
-        disturbance=wrappers("disturbance", given.get("disturbance", base.disturbance)),
-        buildings=given.get("buildings", base.buildings),
-        thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
+        disturbance=wrappers("disturbance", table.get("disturbance", base.disturbance)),
+        buildings=table.get("buildings", base.buildings),
+        thresholds=part("thresholds", Thresholds, table.get("thresholds"), changed.thresholds),
         source=sha256(digests.encode()).hexdigest() if digests else "",
     )
 
 
-def _agent(given: Any, base: Named) -> Named:
+def _agent(entry: Any, base: Named) -> Named:
     """Return the agent that a scenario file says, as changes to that of its base."""
-    if not isinstance(given, Mapping) or "name" in given:
-        return Named.told("agent", given)
-    changes = Named.told("agent", {"name": base.name, **given})
+    if not isinstance(entry, Mapping) or "name" in entry:
+        return Named.told("agent", entry)
+    changes = Named.told("agent", {"name": base.name, **entry})
     return Named(base.name, base.params | changes.params)

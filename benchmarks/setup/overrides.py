@@ -25,8 +25,8 @@ class Overrides(dict[str, Any]):
     __slots__ = ("_text",)
 
     def __init__(self, values: Mapping[str, Any] | Iterable[tuple[str, Any]] = ()) -> None:
-        own = dict(values)
-        super().__init__({name: _kept(own[name]) for name in sorted(own)})
+        items = dict(values)
+        super().__init__({name: _frozen(items[name]) for name in sorted(items)})
 
     @classmethod
     def told(cls, what: str, given: Any) -> Self:
@@ -70,18 +70,18 @@ class Overrides(dict[str, Any]):
 
     def by_part(self, parts: Collection[str], what: str) -> dict[str, Any]:
         """Return the value of each part (of a ``what``): nested dicts, or what is given whole."""
-        found: dict[str, Any] = {}
-        keyed: dict[str, dict[str, Any]] = {}
+        tree: dict[str, Any] = {}
+        by_key: dict[str, dict[str, Any]] = {}
         for name, value in self.items():
             part, _, key = name.partition(".")
             one_of(what, part, parts)
-            (keyed.setdefault(part, {}) if key else found)[key or part] = value
-        for part, values in keyed.items():
-            if part in found:
+            (by_key.setdefault(part, {}) if key else tree)[key or part] = value
+        for part, values in by_key.items():
+            if part in tree:
                 raise InputError(f"{part} is given whole and by key: give only one of them.")
             keys = {key.partition(".")[0] for key in values}
-            found[part] = type(self)(values).by_part(keys, f"key in {part}")
-        return found
+            tree[part] = type(self)(values).by_part(keys, f"key in {part}")
+        return tree
 
     @property
     def files(self) -> list[str]:
@@ -99,7 +99,7 @@ class Overrides(dict[str, Any]):
 
 def file_names(given: Any) -> str:
     """Return the name of a file without its folder, or those of the parts of a log."""
-    return ", ".join(Path(one).name for one in (given if isinstance(given, tuple) else (given,)))
+    return ", ".join(Path(part).name for part in (given if isinstance(given, tuple) else (given,)))
 
 
 NOTHING = Overrides()
@@ -141,9 +141,9 @@ class Named:
         return {"name": jsonable(self.name), "params": self.params.json()}
 
 
-def _kept(value: Any) -> Any:
+def _frozen(value: Any) -> Any:
     if isinstance(value, list | tuple):
-        return tuple(map(_kept, value))
+        return tuple(map(_frozen, value))
     if isinstance(value, Mapping):
         return value if isinstance(value, Overrides) else Overrides(value)
     return value
@@ -186,7 +186,7 @@ def spelt(value: Any) -> str:
 
 def _absolute(folder: Path, value: Any) -> Any:
     if isinstance(value, tuple):  # of a [[vary]]
-        return tuple(_absolute(folder, one) for one in value)
+        return tuple(_absolute(folder, path) for path in value)
     if isinstance(value, Overrides):
         return value | {"file": _absolute(folder, value["file"])} if "file" in value else value
     return from_folder(folder, value) if isinstance(value, str) else value

@@ -196,14 +196,14 @@ def changed(part: str, current: Part, keys: Any, unit: str, kinds: Mapping[str, 
         return current.changed(**changes)  # type: ignore[return-value]
     if "kind" in changes:
         further = ", or your own as file.py:NAME" if part == "scan" else ""
-        given = one_of(f"kind of {part}", changes.pop("kind"), kinds, further)
-        kind = kinds[given]
+        chosen = one_of(f"kind of {part}", changes.pop("kind"), kinds, further)
+        kind = kinds[chosen]
         if type(current) is not kind:
-            known = {each.name for each in fields(kind)}
-            shared = {name: value for name, value in vars(current).items() if name in known}
+            common = {f.name for f in fields(kind)} & vars(current).keys()
+            shared = {name: getattr(current, name) for name in common}
             fresh: Any = scaled(kind(), pixel(unit))
             if part == "motion":
-                fresh = unknown_motion(given, unit)
+                fresh = unknown_motion(chosen, unit)
             current = replace(fresh, **shared)
     for key in changes:
         one_of("assumption", f"{part}.{key}", _names(part, current))
@@ -212,4 +212,4 @@ def changed(part: str, current: Part, keys: Any, unit: str, kinds: Mapping[str, 
 
 def _names(part: str, current: Any) -> list[str]:
     """Dotted names of what can be changed of a part."""
-    return [f"{part}.{name}" for name in (*(own.name for own in fields(current)), "kind")]
+    return [f"{part}.{f.name}" for f in fields(current)] + [f"{part}.kind"]

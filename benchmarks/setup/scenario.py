@@ -36,7 +36,7 @@ class Thresholds:
 _KINDS: Mapping[str, Mapping[str, Any]] = {
     "motion": MOTION_MODELS, "scan": BEAM_MODELS, "prior": PRIORS
 }  # fmt: skip
-_PARTS = tuple(own.name for own in fields(World))
+_PARTS = tuple(part.name for part in fields(World))
 _LENGTHS = ("motion", "scan", "prior", "thresholds")  # what has lengths in the map's unit
 OPEN_LOOP = Named("open-loop")
 AS_WORLD = "world"  # what is assumed is what the world is
@@ -128,25 +128,25 @@ class Scenario(ABC):
         if values := located(Overrides(world)):
             moved = self.in_world(values)
             if (factor := pixel(moved.unit) / pixel(self.unit)) != 1.0:
-                own = {name: scaled(getattr(self, name), factor) for name in _LENGTHS}
-                moved = replace(moved, **own)
-        groups = moved._told(Overrides.told("assumed", assumed)).by_part(_KINDS, "assumption")
+                lengths = {name: scaled(getattr(self, name), factor) for name in _LENGTHS}
+                moved = replace(moved, **lengths)
+        groups = moved._resolved(Overrides.told("assumed", assumed)).by_part(_KINDS, "assumption")
         parts = {
             part: changed(part, getattr(moved, part), keys, moved.unit, _KINDS[part])
             for part, keys in groups.items()
         }
         return replace(moved, **parts)
 
-    def _told(self, assumed: Overrides) -> Overrides:
+    def _resolved(self, assumed: Overrides) -> Overrides:
         """Return what is assumed with the world's values in place of the word "world"."""
-        told: dict[str, Any] = {}
+        resolved: dict[str, Any] = {}
         for name, value in assumed.items():
-            known = self.known if value == AS_WORLD else {name: value}
-            of_it = {n: v for n, v in known.items() if f"{n}.".startswith(f"{name}.")}
-            if not of_it:
-                one_of('assumption that can be "world"', name, known)
-            told |= of_it
-        return Overrides(told)
+            values = self.known if value == AS_WORLD else {name: value}
+            leaves = {n: v for n, v in values.items() if f"{n}.".startswith(f"{name}.")}
+            if not leaves:
+                one_of('assumption that can be "world"', name, values)
+            resolved |= leaves
+        return Overrides(resolved)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,9 +192,9 @@ class RoomScenario(Scenario):
         parts = values.by_part((*_PARTS, "horizon"), "part of the world")
         horizon, office = parts.pop("horizon", self.horizon), self.office
         if "floor_plan" in parts:
-            given = parts["floor_plan"]
-            parts["floor_plan"] = _seeded(given, 0, self.buildings)
-            office = given if parts["floor_plan"] is not given else None
+            plan = parts["floor_plan"]
+            parts["floor_plan"] = _seeded(plan, 0, self.buildings)
+            office = plan if parts["floor_plan"] is not plan else None
         world = self.world.changed(**parts)
         return replace(self, world=world, office=office, horizon=horizon)
 
