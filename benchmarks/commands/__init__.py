@@ -140,7 +140,7 @@ TIMEOUT = option("--timeout", type=float, metavar="S", help=_ALLOWED)
 def out(default: str | None = None, *, without: str | None = None) -> Option:
     """Declare the output folder; it must be given if there is neither a default nor ``without``.
 
-    The latter is told, and left to the command, which is given None.
+    The help shows the latter in place of a default, and the command gets None.
     """
     usual = default or without
     words = "output folder" if usual is None else f"output folder ({usual})"
@@ -186,8 +186,8 @@ def setting_sweep(
     from benchmarks.sweeps.sweepfile import check_localizers, paper_sweep, with_settings
 
     check_localizers(localizers)
-    given = {name: getattr(options, name) for name in ("scenario", "seed", "lag", "particles")}
-    sweep = paper_sweep(localizers=localizers, trials=trials, **given)
+    setting = {name: getattr(options, name) for name in ("scenario", "seed", "lag", "particles")}
+    sweep = paper_sweep(localizers=localizers, trials=trials, **setting)
     return with_settings(sweep, settings(options.set))
 
 

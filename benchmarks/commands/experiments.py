@@ -198,7 +198,7 @@ def _doubts(sweep: "Sweep") -> list[str]:
     if not played:
         return []
     with doing("reading the log and the map"), log_warnings() as warnings:
-        doubts = [words for log, world in played for words in doubts_of(log.changed(world))]
+        doubts = [doubt for log, world in played for doubt in doubts_of(log.changed(world))]
     return [*warnings, *doubts]
 
 
@@ -210,8 +210,8 @@ def asked(options: argparse.Namespace) -> "Sweep":
     from deqmcl_gym.validation import InputError, integer
 
     added = [name for listed in options.added for name in localizers_named(listed)]
-    given = {"trials": options.trials, "seed": options.seed}
-    keys: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    numbers = {"trials": options.trials, "seed": options.seed}
+    keys: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
     for flag, value in (("--margin", options.margin), ("--max-worlds", options.max_worlds)):
         if value is not None and not options.until_decided:
             raise InputError(f"{flag} is of --until-decided: give that too.")

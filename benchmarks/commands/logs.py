@@ -175,15 +175,15 @@ def score_command(options: argparse.Namespace) -> str:
 
     beside, log, reference = options.beside, options.log, options.reference
     names = ("map", "every", "set", "log", "reference")
-    given = [f"--{name}" for name in names if getattr(options, name)]
-    if beside is not None and given:
+    flags = [f"--{name}" for name in names if getattr(options, name)]
+    if beside is not None and flags:
         raise InputError(
-            f"{given[0]} is given with --beside, whose folder says what was played: leave one of "
+            f"{flags[0]} is given with --beside, whose folder says what was played: leave one of "
             "them out."
         )
-    if log is None and given and given[0] != "--reference":
-        raise InputError(f"{given[0]} is given without --log: name the log that it is about.")
-    if beside is None and not given:
+    if log is None and flags and flags[0] != "--reference":
+        raise InputError(f"{flags[0]} is given without --log: name the log that it is about.")
+    if beside is None and not flags:
         raise InputError("there is nothing to score by: give --reference, --log or --beside.")
     limits_of(options.fail_if)  # refused before anything is read
     with doing("reading the estimates and what they are scored by"), log_warnings() as warnings:
@@ -308,10 +308,10 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     length = number("--segment", options.segment, low=0, above=True)
     gap = number("--gap", options.gap, low=0)
     sd = length_and_angle("--start-sd", options.start_sd)
-    own = params_by_localizer(values_among(_settings(options)), [name])[name]
+    params = params_by_localizer(values_among(_settings(options)), [name])[name]
     replays = _replays(options, name, nav2)
     noise = [n for n in vars(replays[0].motion) if n != "still"]
-    base = Overrides({} if nav2 is None else nav2.params) | own
+    base = Overrides({} if nav2 is None else nav2.params) | params
     space = space_of(options.space, name, noise, base)
     training, held_out = cut(replays, length, gap, sd, seed)
     taken = parameters(name) or ()
@@ -344,10 +344,10 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
         if files.count(file) > 1:
             raise InputError(f"{log} is given twice: give each log once.")
     references = options.reference or [None]
-    for flag, given in {"--map": options.map, "--reference": references}.items():
-        if len(given) not in (1, len(files)):
+    for flag, paths in {"--map": options.map, "--reference": references}.items():
+        if len(paths) not in (1, len(files)):
             raise InputError(
-                f"{flag} is given {len(given)} times for {len(files)} logs: give it once, or once "
+                f"{flag} is given {len(paths)} times for {len(files)} logs: give it once, or once "
                 "for each log, in their order."
             )
     usual: dict[str, Any] = {}
@@ -367,7 +367,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
             raise InputError(f"{log} has no reference, so no error is known: give --reference.")
     notes = [] if nav2 is None else nav2.notes
     sideways = [replay.sideways for replay in replays]
-    doubts = [words for replay in replays for words in doubts_of(replay.scenario)]
+    doubts = [doubt for replay in replays for doubt in doubts_of(replay.scenario)]
     warn([*warnings, *notes, *sideways, *doubts])
     if {replay.log.unit for replay in replays} != {"m"}:
         raise InputError("a log is in px, but tune takes logs in m: give another one.")

@@ -40,10 +40,10 @@ def list_command(options: argparse.Namespace) -> str:
     from benchmarks.sweeps.sweepfile import SUITES
     from deqmcl_gym.validation import one_of
     from localizers import describe
-    from localizers import names as localizers_known
+    from localizers import names as localizer_names
 
     with doing("loading the localizers"):
-        localizers = localizers_known()
+        localizers = localizer_names()
     if options.kind is not None and options.kind not in _KINDS:
         if ":" not in options.kind and not options.kind.endswith(".py"):
             one_of("kind or localizer", options.kind, (*_KINDS, *localizers))
@@ -88,10 +88,10 @@ def _parameters(name: str) -> str:
     from localizers import parameters
 
     try:
-        known = parameters(name)
+        names = parameters(name)
     except Exception as error:
         return f"cannot be loaded: {one_line(str(error))}"
-    return "any parameters" if known is None else ", ".join(known)
+    return "any parameters" if names is None else ", ".join(names)
 
 
 _OFFICE = (  # parameters of ``Office``, each with its own default
@@ -152,8 +152,8 @@ def _map(options: argparse.Namespace) -> str:
     from deqmcl_gym.maps import Office
     from deqmcl_gym.validation import InputError
 
-    given = vars(options)
-    office = Office(**{name: given[name] for name, _, _ in _OFFICE if name in given})
+    values = vars(options)
+    office = Office(**{name: values[name] for name, _, _ in _OFFICE if name in values})
     out: Path = options.out
     if out.is_dir() and any(out.iterdir()):
         raise InputError(f"the output folder {out} is not empty: give a new or an empty one.")
