@@ -76,7 +76,7 @@ def sheltered() -> Iterator[None]:
                 signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             for name in _ENVIRONMENT:
                 del os.environ[name]
-            os.environ.update({name: own for name, own in before.items() if own is not None})
+            os.environ.update({name: value for name, value in before.items() if value is not None})
 
 
 def unshelter() -> None:

@@ -99,13 +99,13 @@ class Processes:
 
     def _look_after_one(self) -> None:
         held: dict[str, _Worker] = {}  # by guest, the one called last at the end
-        while (waiting := self._taken()) is not None:
+        while (waiting := self._next_call()) is not None:
             future, guest, _, call = waiting
             if not future.set_running_or_notify_cancel():
                 continue
             try:
                 patience = GUEST_SECONDS if guest and self._timeout is None else self._timeout
-                held[guest] = held.pop(guest) if guest in held else self._started()
+                held[guest] = held.pop(guest) if guest in held else self._new_worker()
                 future.set_result(held[guest].returned(call, patience))
             except BaseException as error:
                 if guest in held:
@@ -116,7 +116,7 @@ class Processes:
         for worker in held.values():
             self._end(worker)
 
-    def _taken(self) -> _Waiting | None:
+    def _next_call(self) -> _Waiting | None:
         """Wait for a call: of this thread's group, else of nobody's, else the first; None: end."""
         me = threading.get_ident()
         with self._called:
@@ -125,12 +125,12 @@ class Processes:
             if self._closed:
                 return None
             last, taken = self._groups.pop(me, None), set(self._groups.values())
-            ranks = [2 * (one.group != last) + (one.group in taken) for one in self._calls]
+            ranks = [2 * (call.group != last) + (call.group in taken) for call in self._calls]
             waiting = self._calls.pop(ranks.index(min(ranks)))
             self._groups[me] = waiting.group
             return waiting
 
-    def _started(self) -> "_Worker":
+    def _new_worker(self) -> "_Worker":
         with self._lock:
             if self._closed:
                 raise WorkerDiedError("the sweep is being stopped")
@@ -148,11 +148,11 @@ class _Worker:
     """A process that makes calls, and our end of the line to it."""
 
     def __init__(self) -> None:
-        self._line, there = CONTEXT.Pipe()
-        self._process = CONTEXT.Process(target=work, args=(there,))
+        self._line, remote = CONTEXT.Pipe()
+        self._process = CONTEXT.Process(target=work, args=(remote,))
         with sheltered():
             self._process.start()
-        there.close()  # so that the line breaks when the process dies
+        remote.close()  # so that the line breaks when the process dies
         self._ready = False
 
     def returned(self, call: _Call, timeout: float | None) -> Any:
