@@ -92,7 +92,7 @@ def beside(
             [job.amount * n / timer.timeit(n) for job, timer, n in each]
             for _ in range(effort.turns)
         ]
-        rates = [median(seen) for seen in zip(*turns, strict=True)]
+        rates = [median(side) for side in zip(*turns, strict=True)]
         return [1e6 / rate for rate in rates] if unit == "µs/step" else rates
 
     return Ratio(name, unit, sides, package)
@@ -118,8 +118,8 @@ def trial_beside(name: str, localizer: str, scenario: str = "paper", lag: int = 
             swept(2)  # compiles
             few, _ = swept(FEW_WORLDS)
             many, records = swept(FEW_WORLDS + effort.worlds)
-        own = sum(one.seconds or math.nan for one in records if one.trial.trial >= FEW_WORLDS)
-        return [1e3 * seconds / (RUNS * effort.worlds) for seconds in (many - few, own)]
+        localizing = sum(r.seconds or math.nan for r in records if r.trial.trial >= FEW_WORLDS)
+        return [1e3 * seconds / (RUNS * effort.worlds) for seconds in (many - few, localizing)]
 
     return Ratio(name, "ms/trial", sides)
 
@@ -177,7 +177,7 @@ def lap(scenario: str) -> tuple[Stage, list[tuple[Any, ...]]]:
     steps = [(moment.ranges, moment.action, moment.plan) for moment in stage.moments()]
     if scenario == "paper":
         laps = np.tile(np.array(steps[0][2]), (2, 1))
-        steps = [(*seen[:2], laps[t : t + PLANNED]) for t, seen in enumerate(steps)]
+        steps = [(*step[:2], laps[t : t + PLANNED]) for t, step in enumerate(steps)]
     return stage, steps
 
 
@@ -227,9 +227,9 @@ def vector_parts(*, whole: bool, size: int = 64) -> Job:
     def timed(of: Any, name: str) -> None:
         call = getattr(of, name)
 
-        def timed_call(*given: Any) -> Any:
+        def timed_call(*arguments: Any) -> Any:
             start = time.process_time()
-            result = call(*given)
+            result = call(*arguments)
             spent[name] += (time.process_time() - start) * bool((at >= 0).any())
             return result
 
