@@ -90,14 +90,14 @@ class Misplaced(OpenLoop):
         direction, side = np.random.default_rng(seed).random(2)
         angle, turn = 2 * math.pi * direction, self._turn if side < 0.5 else -self._turn
         off = self._shift * math.cos(angle), self._shift * math.sin(angle)
-        self._apart = np.array([*off, turn])
+        self._error = np.array([*off, turn])
         return self._seen_from(info["truth"])
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         return info["planned_actions"][0], self._seen_from(info["truth"])[1:]
 
     def _seen_from(self, truth: Reals) -> Reals:
-        x, y, heading = (truth + self._apart).tolist()
+        x, y, heading = (truth + self._error).tolist()
         return _ahead_of(self._plan, (x, y, heading))
 
 

@@ -268,5 +268,5 @@ KINDS: dict[str, tuple[Callable[[str, str | None], Subject], laws.Laws]] = {
 
 def check(kind: str, name: str, where: str | None = None) -> Report:
     """Return the verdicts of all laws of a kind on what a name leads to, tried in this process."""
-    made, of_kind = KINDS[kind]
-    return report_of(made(name, where), of_kind)
+    build, laws_of_kind = KINDS[kind]
+    return report_of(build(name, where), laws_of_kind)

@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     is broken. 130, 143: stopped by SIGINT or SIGTERM. 141: whoever read the output stopped
     reading, as after ``| head``.
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    argv = list(sys.argv[1:] if arguments is None else arguments)
     os.environ["MPLBACKEND"] = "agg"  # a notebook's may not be installed here
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", console.FailedWarning)
         try:
-            code = _run(given, leaving=arguments is None)
+            code = _run(argv, leaving=arguments is None)
         except SystemExit as end:  # argparse leaves so
             code = int(end.code or 0)
         except console.OutputError as error:
@@ -89,9 +89,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
 
 
-def _run(given: Sequence[str], *, leaving: bool) -> int:
+def _run(argv: Sequence[str], *, leaving: bool) -> int:
     try:
-        options = _parse(given)
+        options = _parse(argv)
     except KeyboardInterrupt:
         print("deqmcl: interrupted.", file=sys.stderr)
         return INTERRUPTED
@@ -100,8 +100,8 @@ def _run(given: Sequence[str], *, leaving: bool) -> int:
             _refuse_no_folder()
             console.say(options.run(options))
     except KeyboardInterrupt as how:
-        kept = "; finished trials are kept" if options.command in _RESUMED else ""
-        print(f"deqmcl: interrupted{kept}.", file=sys.stderr)
+        note = "; finished trials are kept" if options.command in _RESUMED else ""
+        print(f"deqmcl: interrupted{note}.", file=sys.stderr)
         return TERMINATED if isinstance(how, console.Terminated) else INTERRUPTED
     except SystemExit as end:  # no command of ours leaves so
         print(f"deqmcl: a plug-in called exit({end.code!r}).", file=sys.stderr)

@@ -62,10 +62,10 @@ def doing(what: str) -> Iterator[None]:
 
 def warn(sentences: Iterable[str | None]) -> list[str]:
     """Say on stderr what is not None; return it, with the word Warning."""
-    said = [f"Warning: {sentence.rstrip('.')}." for sentence in sentences if sentence is not None]
-    for warning in said:
-        print(f"deqmcl: {warning}", file=sys.stderr)
-    return said
+    lines = [f"Warning: {sentence.rstrip('.')}." for sentence in sentences if sentence is not None]
+    for line in lines:
+        print(f"deqmcl: {line}", file=sys.stderr)
+    return lines
 
 
 @contextmanager

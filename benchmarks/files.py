@@ -17,7 +17,7 @@ def is_empty(folder: Path) -> bool:
         return all(is_temporary(path) or is_begun(path) for path in folder.iterdir())
     except FileNotFoundError:
         return True
-    except OSError:  # a file, or not to be read: said when it is to be written to
+    except OSError:  # a file, or not to be read: reported when it is written to
         return not folder.is_dir()
 
 

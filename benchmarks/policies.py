@@ -24,8 +24,8 @@ _SAMPLES = 64  # poses of the belief that are looked ahead from
 _HEADINGS = 12  # of one motion
 _DRIVES = 7  # steps of one motion: 1.4 m
 _SEQUENCES = 48  # of motions, where there are several
-_CONTACT = 3.0  # nats that a certain contact is worth
-_STEPS = 0.02  # nats that a step is worth, to whoever is paid for arriving
+_CONTACT = 3.0  # nats that a certain contact costs
+_STEPS = 0.02  # nats that a step costs whoever drives to a goal
 
 
 class Still:
@@ -183,9 +183,9 @@ class LookAhead(Still):
         seen = lidar.ranges(self._robot.floor_plan, flat.T.astype(np.float32))
         seen = np.nan_to_num(np.minimum(seen, lidar.max_range), nan=0.0)
         scans = seen.reshape(k, n, -1).transpose(1, 0, 2).reshape(n, -1).astype(np.float64)
-        squares = (scans**2).sum(axis=1)
-        apart = np.maximum(squares[:, None] + squares - 2 * scans @ scans.T, 0.0)
-        alike = np.exp(-apart / (8 * self._variance)).mean(axis=1)
+        norms = (scans**2).sum(axis=1)
+        squares = np.maximum(norms[:, None] + norms - 2 * scans @ scans.T, 0.0)
+        alike = np.exp(-squares / (8 * self._variance)).mean(axis=1)
         return float(-np.log(alike).mean())
 
 
