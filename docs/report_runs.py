@@ -112,9 +112,9 @@ def sweep_of(command: str) -> Sweep | None:
         return asked(parser.parse_args(rest))
     if first == "paper":
         paper_command.arguments(parser)
-        given = parser.parse_args(rest)
+        options = parser.parse_args(rest)
         names = ("scenario", "trials", "seed", "lag", "particles")
-        return paper_sweep(**{name: getattr(given, name) for name in names})
+        return paper_sweep(**{name: getattr(options, name) for name in names})
     return None
 
 
@@ -169,8 +169,8 @@ def _renewed(name: str, made: Made, where: Where) -> Report:
     records = {record.key: record for record in results.records}
     rows = []
     for key, trial in sample({k: r.trial for k, r in records.items()}, code_digest()).items():
-        said = (_digest_of(trial), trial.scenario, trial.localizer, *trial.run)
-        rows.append([*said, records[key].scores[0]["error"], fingerprint(records[key])])
+        identity = (_digest_of(trial), trial.scenario, trial.localizer, *trial.run)
+        rows.append([*identity, records[key].scores[0]["error"], fingerprint(records[key])])
     write_text(_sample(name), csv_of(pd.DataFrame(rows, columns=_SAMPLED)))
     git = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
     commit = subprocess.run(git, cwd=ROOT, check=True, capture_output=True, text=True).stdout
@@ -181,8 +181,8 @@ def _renewed(name: str, made: Made, where: Where) -> Report:
 
 def fingerprint(record: TrialRecord) -> str:
     """Return a digest of all that is in a record, times and absent parts left out."""
-    there = {name: part for name, part in record_parts(record).items() if part is not None}
-    return _digest(to_builtins(there, str_keys=True, enc_hook=float), 32, sort_keys=True)
+    parts = {name: part for name, part in record_parts(record).items() if part is not None}
+    return _digest(to_builtins(parts, str_keys=True, enc_hook=float), 32, sort_keys=True)
 
 
 def _digest_of(trial: Trial) -> str:

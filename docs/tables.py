@@ -71,8 +71,8 @@ def rows_of(
             for dotted in parts.columns[parts.columns.str.contains(".", regex=False)]:
                 parts[dotted.replace(".", "_")] = parts[dotted]
             frame = frame.join(parts.add_prefix(f"{column}_"))
-        if file is not None and (found := re.match(file, Path(name).stem)):
-            frame = frame.assign(**found.groupdict(""))
+        if file is not None and (match := re.match(file, Path(name).stem)):
+            frame = frame.assign(**match.groupdict(""))
         frames.append(frame)
     whole = pd.concat(frames, ignore_index=True).copy()  # in one piece
     return whole.query(where, engine="python") if where else whole
@@ -109,9 +109,9 @@ def numbers(
         records = []
         for _, group in frame.groupby(by, sort=False, dropna=False):
             first = {name: _value(group.iloc[0][name], labels) for name in by}
-            for own in reversed(group.to_dict("records")):  # of several the first stands
-                name = own[across] if isinstance(own[across], str) else f"n{own[across]:g}"
-                parts = {str(k): _value(v, labels) for k, v in own.items()}
+            for record in reversed(group.to_dict("records")):  # of several the first stands
+                name = record[across] if isinstance(record[across], str) else f"n{record[across]:g}"
+                parts = {str(k): _value(v, labels) for k, v in record.items()}
                 first[name] = SimpleNamespace(**parts)
             records.append(first)
     return table(columns, ([_filled(cell, r) for cell in columns.values()] for r in records))
@@ -148,12 +148,12 @@ def _filled(template: str, row: Mapping[str, Any]) -> str:
 def renewed(text: str) -> str:
     """Return a page with the table below each of its markers made anew."""
 
-    def made(found: re.Match[str]) -> str:
-        head, word, content, _ = found.groups()
+    def made(match: re.Match[str]) -> str:
+        head, word, content, _ = match.groups()
         if word == "table":
             return head + numbers(**tomllib.loads(content))
         if word not in OF_CODE:
-            return found[0]
+            return match[0]
         names = (part.strip() for part in content.split(","))
         return head + table(*OF_CODE[word](*filter(None, names)))
 

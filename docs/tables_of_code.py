@@ -23,24 +23,24 @@ def parameters(*names: str) -> Table:
     Those of a name after a minus are left out: "cbgl", "-mcl-map".
     """
     left_out = {
-        one.name
+        parameter.name
         for name in names
         if name.startswith("-")
-        for one in localizers.describe(name[1:]).parameters
+        for parameter in localizers.describe(name[1:]).parameters
     }
     names = tuple(name for name in names if not name.startswith("-"))
     rows: dict[tuple[str, str], dict[str, str]] = {}  # default by localizer by name and meaning
     for localizer in names:
-        for one in localizers.describe(localizer).parameters:
-            if one.name in left_out:
+        for parameter in localizers.describe(localizer).parameters:
+            if parameter.name in left_out:
                 continue
-            row = rows.setdefault((one.name, one.meaning), {})
-            row[localizer] = f"`{one.default_words}`".replace("'", '"')
+            row = rows.setdefault((parameter.name, parameter.meaning), {})
+            row[localizer] = f"`{parameter.default_words}`".replace("'", '"')
     lines = []
     for (name, meaning), defaults in rows.items():
-        said = ", ".join(dict.fromkeys(defaults.values()))
+        values = ", ".join(dict.fromkeys(defaults.values()))
         of = "all" if len(defaults) == len(names) else ", ".join(f"`{n}`" for n in defaults)
-        lines.append([f"`{name}`", said, meaning, of])
+        lines.append([f"`{name}`", values, meaning, of])
     heads = ["parameter", "default", "what it is", "of"]
     wide = len(names) > 1
     return (heads if wide else heads[:3], (line if wide else line[:3] for line in lines))
@@ -55,12 +55,11 @@ _SCORES: dict[str, Iterable[Score]] = {
 
 def scores(*kinds: str) -> Table:
     """Return a table of scores: of beliefs at an "offset", of a "run", of a whole "log"; or all."""
-    rows = (
-        [f"`{one.name}`", one.words + (f" ({one.unit})" if tell else ""), one.better]
-        for kind in kinds or _SCORES
-        for one in _SCORES[kind]
-        for tell in [one.unit not in ("", "share", one.words.split()[-1])]
-    )
+    rows = []
+    for score in (score for kind in kinds or _SCORES for score in _SCORES[kind]):
+        has_unit = score.unit not in ("", "share", score.words.split()[-1])
+        meaning = score.words + (f" ({score.unit})" if has_unit else "")
+        rows.append([f"`{score.name}`", meaning, score.better])
     return (["score", "what it is (unit)", "better"], rows)
 
 
@@ -108,26 +107,26 @@ def ids() -> Table:
         made = dict(spec.kwargs)
         if "preset" in made:
             made = _changes(WORLDS["paper"], WORLDS[made["preset"]])
-        given = ", ".join(f"`{part}={_code(value)}`" for part, value in _flat(made))
+        settings = ", ".join(f"`{part}={_code(value)}`" for part, value in _flat(made))
         arguments = {each: default for each, default, _ in _signature(_class(name))}
         most = spec.max_episode_steps or arguments.get("max_steps") or "none"
         together = "in kernels" if spec.vector_entry_point else "in a loop"
         if "scan" in arguments:
             together = '`scan="table"`, `mcl`'
-        rows.append([f"`{name}`", about, given, str(most), together])
+        rows.append([f"`{name}`", about, settings, str(most), together])
     return (["`deqmcl_gym/…`", "what it is", "set", "most steps", "`make_vec`"], rows)
 
 
 def arguments(name: str) -> Table:
     """Return the arguments of an id, or of a part of it (``Office``), from the code's own words."""
-    found = _class(name)
-    if is_dataclass(found):
-        return (["key", "default", "meaning"], _keys("", found, found))
+    owner = _class(name)
+    if is_dataclass(owner):
+        return (["key", "default", "meaning"], _keys("", owner, owner))
     rows = []
-    for argument, default, said in _signature(found):
+    for argument, default, meaning in _signature(owner):
         part, asked = _part(argument) if name == "Room-v0" else (None, True)
         if asked:
-            rows.append([f"`{argument}`", f"`{_code(default)}`", said])
+            rows.append([f"`{argument}`", f"`{_code(default)}`", meaning])
         if part is not None:
             rows += _keys(f"{argument}.", type(part), part)
     return (["argument", "default", "meaning"], rows)
@@ -144,26 +143,26 @@ def _class(name: str) -> Any:
     return load_env_creator(str(gym.spec(f"deqmcl_gym/{name}").entry_point))
 
 
-def _signature(found: type) -> Iterator[tuple[str, Any, str]]:
+def _signature(cls: type) -> Iterator[tuple[str, Any, str]]:
     """Yield the arguments of a class and of those that it is derived from, with their words."""
-    told = set()
-    for owner in (one for one in found.__mro__ if one.__module__.split(".")[0] != "gymnasium"):
+    seen = set()
+    for owner in (base for base in cls.__mro__ if base.__module__.split(".")[0] != "gymnasium"):
         words = _words(owner)
         for argument in inspect.signature(owner).parameters.values():
             asked = argument.default is not argument.empty
-            if asked and argument.name in words and argument.name not in told:
-                told.add(argument.name)
+            if asked and argument.name in words and argument.name not in seen:
+                seen.add(argument.name)
                 yield argument.name, argument.default, words[argument.name]
 
 
 def _words(owner: type) -> dict[str, str]:
     """Return what the docstring of a class says of each argument."""
     section = (inspect.getdoc(owner) or "").partition("Args:\n")[2].partition("\n\n")[0]
-    found: dict[str, str] = {}
+    meanings: dict[str, str] = {}
     for names, words in re.findall(r"^    (\w[\w, ]*): ((?:.*\n?)(?:     .*\n?)*)", section, re.M):
-        said = " ".join(words.split()).removesuffix(".").replace("``", "`").replace("|", "or")
-        found |= dict.fromkeys(names.split(", "), said)
-    return found
+        meaning = " ".join(words.split()).removesuffix(".").replace("``", "`").replace("|", "or")
+        meanings |= dict.fromkeys(names.split(", "), meaning)
+    return meanings
 
 
 def _part(argument: str) -> tuple[Any, bool]:
@@ -181,27 +180,26 @@ def _keys(prefix: str, owner: Any, defaults: Any) -> list[list[str]]:
     """Return a row for each field of a dataclass, with the comment ``#:`` above or beside it."""
     source = inspect.getsource(owner)
     lines = re.findall(r"((?:^    #: .*\n)*)^    (\w+): [^\n#]*(?:#: (.*))?$", source, re.M)
-    said = {name: " ".join(above.replace("#:", "").split()) or own for above, name, own in lines}
+    meanings = {n: " ".join(above.replace("#:", "").split()) or side for above, n, side in lines}
     rows = []
-    for own in fields(owner):
-        per = own.metadata.get("length", 0)
-        unit = {1: " px", -1: " /px"}.get(per, "")
-        value = _code(getattr(defaults, own.name))
-        words = said[own.name].replace("``", "`")
-        rows.append([f"`{prefix}{own.name}`", f"`{value}`{unit if value != 'None' else ''}", words])
+    for field in fields(owner):
+        unit = {1: " px", -1: " /px"}.get(field.metadata.get("length", 0), "")
+        code = _code(getattr(defaults, field.name))
+        value = f"`{code}`{unit if code != 'None' else ''}"
+        rows.append([f"`{prefix}{field.name}`", value, meanings[field.name].replace("``", "`")])
     return rows
 
 
 def _changes(of: Any, to: Any) -> dict[str, Any]:
     """Return what differs between two dataclasses, part by part."""
-    found: dict[str, Any] = {}
-    for own in fields(of):
-        old, new = getattr(of, own.name), getattr(to, own.name)
+    changes: dict[str, Any] = {}
+    for field in fields(of):
+        old, new = getattr(of, field.name), getattr(to, field.name)
         if old != new:
-            found[own.name] = {} if is_dataclass(new) else new
+            changes[field.name] = {} if is_dataclass(new) else new
             if is_dataclass(old) and is_dataclass(new):
-                found[own.name] = _changes(old, new)
-    return found
+                changes[field.name] = _changes(old, new)
+    return changes
 
 
 def _flat(parts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -223,6 +221,6 @@ def _code(value: Any) -> str:
 
 
 OF_CODE: dict[str, Callable[..., Table]] = {  # by the word of their marker
-    one.__name__: one
-    for one in (parameters, scores, suites, scenarios, agents, laws, ids, arguments)
+    table.__name__: table
+    for table in (parameters, scores, suites, scenarios, agents, laws, ids, arguments)
 }

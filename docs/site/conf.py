@@ -185,8 +185,8 @@ def _keep_cells_whole(app, document):
 def _as_mathml(self, node, as_block):
     """Formulas as MathML: no script, no network."""
     text = HATS.sub(r"{\\hat \1}", node.astext())
-    for written, known in SPELLINGS:
-        text = text.replace(written, known)
+    for written, spelling in SPELLINGS:
+        text = text.replace(written, spelling)
     formula = tex2mathml(text, as_block=as_block)
     self.body.append(f'<div class="math">{formula}</div>' if as_block else formula)
     raise nodes.SkipNode
