@@ -110,11 +110,11 @@ def __getattr__(name: str) -> Any:
         module = "localizers.many" if name == "localize" else "localizers.tasks"
         return getattr(import_module(module), name)
     except (ImportError, AttributeError):
-        found = sys.modules.get("localizers")
-        if found is None or hasattr(found, "RobotModel"):
+        package = sys.modules.get("localizers")
+        if package is None or hasattr(package, "RobotModel"):
             raise
         raise InputError(
-            f"{name} needs deqmcl-gym's package localizers, but {found.__file__} "
+            f"{name} needs deqmcl-gym's package localizers, but {package.__file__} "
             "hides it: rename that, or start Python in another folder."
         ) from None
 

@@ -167,16 +167,16 @@ def typed(value: Any, kind: type[T]) -> T:
     try:
         return msgspec.convert(value, kind, str_keys=True)
     except msgspec.ValidationError as error:
-        words = str(error).replace("`", "").replace(" - at $.", " at ").removesuffix(" - at $")
-        raise UnreadableError(f"has the wrong form ({words[:1].lower()}{words[1:]})") from None
+        message = str(error).replace("`", "").replace(" - at $.", " at ").removesuffix(" - at $")
+        raise UnreadableError(f"has the wrong form ({message[:1].lower()}{message[1:]})") from None
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    mapping = dict(pairs)
+    if len(mapping) < len(pairs):
         twice, _ = Counter(name for name, _ in pairs).most_common(1)[0]
         raise UnreadableError(f"has the name {twice!r} twice")
-    return found
+    return mapping
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -189,8 +189,8 @@ def save(path: Path, content: bytes) -> None:
     try:
         write_bytes(path, gzip.compress(content, mtime=0) if packed else content)
     except OSError as error:
-        words = f"{path} cannot be written ({error.strerror}): give another path."
-        raise InputError(words) from None
+        sentence = f"{path} cannot be written ({error.strerror}): give another path."
+        raise InputError(sentence) from None
 
 
 def text_of(path: Path) -> str:

@@ -56,12 +56,12 @@ class Rooms(VecEnv):  # type: ignore[misc, unused-ignore]
 
     def step_wait(self) -> Any:
         """Step all rooms; where an episode ends, the next one begins."""
-        seen, rewards, terminated, truncated, told = self.rooms.step(self._actions)
+        seen, rewards, terminated, truncated, info = self.rooms.step(self._actions)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for room in np.flatnonzero(terminated | truncated):
-            infos[room]["terminal_observation"] = told["final_obs"][room]
+            infos[room]["terminal_observation"] = info["final_obs"][room]
             infos[room]["TimeLimit.truncated"] = bool(truncated[room] and not terminated[room])
-            infos[room]["is_success"] = bool(told["final_info"]["is_success"][room])
+            infos[room]["is_success"] = bool(info["final_info"]["is_success"][room])
         return seen, rewards.astype(np.float32), terminated | truncated, infos
 
     def close(self) -> None:

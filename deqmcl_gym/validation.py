@@ -27,7 +27,7 @@ class LogWarning(UserWarning):
 
 
 def tell(sentence: str) -> None:
-    """Give a ``LogWarning``, at the line outside this package that has the log read."""
+    """Give a ``LogWarning``, at the line outside this package that reads the log."""
     level, frame = 2, inspect.currentframe()
     while frame is not None and frame.f_globals["__name__"].startswith("deqmcl_gym."):
         level, frame = level + 1, frame.f_back

@@ -49,9 +49,9 @@ class Calibration:
         if given.shape[-2:] != (3, 3):
             raise InputError(f"covariances have shape {given.shape}, but must be (…, 3, 3).")
         unknown = ~np.isfinite(given).all(axis=(-2, -1))
-        told: Floats = self.scale * given + self.floor
-        told[unknown] = self.floor if self.position > 0 and self.heading > 0 else math.nan
-        return told
+        calibrated: Floats = self.scale * given + self.floor
+        calibrated[unknown] = self.floor if self.position > 0 and self.heading > 0 else math.nan
+        return calibrated
 
     @classmethod
     def fitted(cls, offsets: ArrayLike, covariances: ArrayLike) -> Self:
@@ -61,20 +61,20 @@ class Calibration:
         that are not finite are left out. The log score is proper: it is least where the covariance
         is that of the offsets, even if they are correlated in time and no normal deviates.
         """
-        off, given = np.array(offsets, np.float64), np.array(covariances, np.float64)
-        if off.ndim != 2 or off.shape[1:] != (3,) or given.shape != (len(off), 3, 3):
+        off, believed = np.array(offsets, np.float64), np.array(covariances, np.float64)
+        if off.ndim != 2 or off.shape[1:] != (3,) or believed.shape != (len(off), 3, 3):
             raise InputError(
-                f"offsets have shape {off.shape} and covariances {given.shape}, but must be (n, 3) "
-                "and (n, 3, 3)."
+                f"offsets have shape {off.shape} and covariances {believed.shape}, but must be "
+                "(n, 3) and (n, 3, 3)."
             )
         known = np.isfinite(off).all(axis=1)
         if not known.any():
             raise InputError("no offset is finite: a calibration is fitted to one or more.")
-        off, given = off[known], given[known]
+        off, believed = off[known], believed[known]
         off[:, 2] = arrays.wrapped(off[:, 2])
-        given[~np.isfinite(given).all(axis=(1, 2))] = 0.0
+        believed[~np.isfinite(believed).all(axis=(1, 2))] = 0.0
         sizes = np.sqrt([np.square(off[:, :2]).mean(), np.square(off[:, 2]).mean()]) + _TINY
-        spread = bool(given.any())  # without any, the scale does not matter
+        spread = bool(believed.any())  # without any, the scale does not matter
         scores = np.empty((len(off), 3))
 
         def at(place: Floats) -> Calibration:
@@ -82,7 +82,7 @@ class Calibration:
             return Calibration(float(scale) if spread else 1.0, *map(float, floor * sizes))
 
         def cost(place: Floats) -> float:
-            arrays.fits(off, at(place).published(given), scores)
+            arrays.fits(off, at(place).published(believed), scores)
             return float(scores[:, 2].mean())
 
         places, costs = arrays.compass_search(
@@ -102,6 +102,6 @@ def spread_about(pose: ArrayLike, poses: ArrayLike, weights: ArrayLike) -> Float
     if len(off) == 1:
         return np.full((3, 3), math.nan)
     off[:, 2] = arrays.wrapped(off[:, 2])
-    own = np.asarray(weights, np.float64)[:, None]
+    weight = np.asarray(weights, np.float64)[:, None]
     # sums one pose after another: the same bits on every processor
-    return np.asarray(((own * off)[:, :, None] * off[:, None, :]).sum(axis=0))
+    return np.asarray(((weight * off)[:, :, None] * off[:, None, :]).sum(axis=0))

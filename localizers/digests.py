@@ -145,10 +145,10 @@ class _Contents(pickle.Pickler):
         if isinstance(thing, type):  # what else has names with two underscores is Python's
             wrappers = (FunctionType, *_WRAPPERS)
             named = [(n, v) for n, v in vars(thing).items() if n != "_abc_impl"]
-            own = {n: v for n, v in named if n[:2] != "__" or isinstance(v, wrappers)}
-            return [thing.__qualname__, thing.__bases__, type(thing), own]
-        names, known = _names(thing.__code__), thing.__globals__
-        used = {name: known[name] for name in sorted(names) if name in known}
+            members = {n: v for n, v in named if n[:2] != "__" or isinstance(v, wrappers)}
+            return [thing.__qualname__, thing.__bases__, type(thing), members]
+        names, namespace = _names(thing.__code__), thing.__globals__
+        used = {name: namespace[name] for name in sorted(names) if name in namespace}
         closed = [cell.cell_contents for cell in thing.__closure__ or ()]
         defaults = thing.__defaults__, thing.__kwdefaults__
         return [thing.__code__, *defaults, closed, used, vars(thing)]

@@ -105,11 +105,11 @@ class Kind:
             return name
         module = self._module(name, absolute_name(name))
         fitting = [
-            own
-            for own, value in vars(module).items()
+            member
+            for member, value in vars(module).items()
             if inspect.isclass(value)
             and _is_of(module, value)
-            and not own.startswith("_")
+            and not member.startswith("_")
             and not self._lacking(value)
         ]
         if len(fitting) == 1:
@@ -137,7 +137,7 @@ class Kind:
         module = self._module(name, place)
         thing = self._asked(name, "imported", place, reduce, _attribute, parts, module)
         if thing is None:
-            defined = [own for own, value in vars(module).items() if _is_of(module, value)]
+            defined = [member for member, value in vars(module).items() if _is_of(module, value)]
             raise InputError(
                 f"{named} does not exist: {place} has no {attribute!r}"
                 f"{_nearest(attribute, defined)}; it defines {', '.join(defined) or 'nothing'}."
@@ -153,14 +153,14 @@ class Kind:
         """Names of the parameters of a name; None if what it leads to takes any."""
         return parameters_of(self.resolve(name))
 
-    def make(self, name: str, params: Mapping[str, Any], *given: Any, **named: Any) -> Any:
-        """Make one of what all of the kind are given, and of its parameters."""
+    def make(self, name: str, params: Mapping[str, Any], *args: Any, **named: Any) -> Any:
+        """Make one from the arguments that all of the kind take and from its own parameters."""
         factory = self.resolve(name)
-        self.check_parameters(name, params, parameters_of(factory, len(given), named))
+        self.check_parameters(name, params, parameters_of(factory, len(args), named))
         if name in self.builtin:
-            return factory(*given, **named, **params)
+            return factory(*args, **named, **params)
         place, how = split(absolute_name(name))[0], f"made by {self.call}"
-        return self.checked(name, self._asked(name, how, place, factory, *given, **named, **params))
+        return self.checked(name, self._asked(name, how, place, factory, *args, **named, **params))
 
     def check_parameters(
         self, name: str, params: Iterable[str], taken: Iterable[str] | None
@@ -300,10 +300,10 @@ def raised(error: BaseException, file: str | None = None) -> str:
     frames = [
         f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_LOADERS)
     ]
-    own = [frame for frame in frames if frame.filename == file] or frames
-    if not own or isinstance(error, SyntaxError):  # it says where
+    frames = [frame for frame in frames if frame.filename == file] or frames
+    if not frames or isinstance(error, SyntaxError):  # it says where
         return words
-    return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})"
+    return f"{words} ({Path(frames[-1].filename).name}, line {frames[-1].lineno})"
 
 
 def reason_of(error: BaseException) -> str:

@@ -59,8 +59,8 @@ def localize(
 
 
 def _is_native(env: Localize, task: dict[str, Any]) -> bool:
-    given = task.get("localizer", "mcl-map")
-    params = {"name": given} if isinstance(given, str) else dict(given)
+    localizer = task.get("localizer", "mcl-map")
+    params = {"name": localizer} if isinstance(localizer, str) else dict(localizer)
     lidar = env.lidar
     return (
         params.pop("name", None) == "mcl"
@@ -127,9 +127,9 @@ class LocalizeVectorEnv(ManyEpisodes):
     def step(self, actions: Singles) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
         """Declare, or move and update in each room; begin the next episode where one ended."""
         again, resting = self._due(), self._ended
-        given = self._single._commands.checked_each(actions, resting)
-        declared = (given[:, 2] >= 0.5) & ~resting
-        commands = given[:, :2].copy()
+        values = self._single._commands.checked_each(actions, resting)
+        declared = (values[:, 2] >= 0.5) & ~resting
+        commands = values[:, :2].copy()
         commands[resting | declared] = 0.0
         collided = self._moved(commands, resting | declared)
         self.steps[~resting] += 1
@@ -165,7 +165,7 @@ class LocalizeVectorEnv(ManyEpisodes):
             seed, rng = seeds[room] if seeds else None, self._streams[room]
             if seed is not None or rng is None:
                 rng = self._streams[room] = gym.utils.seeding.np_random(seed)[0]
-            start, motion, sensor, own, self._of_views[room] = rng.spawn(5)
+            start, motion, sensor, filtering, self._of_views[room] = rng.spawn(5)
             sites, building = self._single._sites, None
             if sites is not None:
                 building = self.buildings[room] = sites.offices.drawn(rng.spawn(1)[0])
@@ -178,9 +178,9 @@ class LocalizeVectorEnv(ManyEpisodes):
             self.scans[room] = LidarSensor(world.floor_plan.cast, self.lidar, sensor).scan(pose)
             self._moves.renew(room, motion)
             self._readings.renew(room, sensor)
-            stream = own.spawn(1)[0]
+            stream = filtering.spawn(1)[0]
             self.particles[room] = random_poses(world.floor_plan, self._count, stream, radius)
-            self._log_weights[room], self._of_filters[room] = 0.0, own
+            self._log_weights[room], self._of_filters[room] = 0.0, filtering
             size = scan.table.size
             self._tables = wide(self._tables, size)
             self._tables[room, :size] = scan.table
@@ -257,11 +257,11 @@ class LocalizeVectorEnv(ManyEpisodes):
             for space in [self._spaces[name]]
         }
 
-    def _told(self) -> dict[str, Any]:
-        told: dict[str, Any] = {"truth": self._robots.poses.copy()}
+    def _state_info(self) -> dict[str, Any]:
+        info: dict[str, Any] = {"truth": self._robots.poses.copy()}
         if self._single._sites is not None:
-            told["building"] = self.buildings.copy()
-        return told
+            info["building"] = self.buildings.copy()
+        return info
 
 
 @lru_cache(_KEPT)
@@ -293,17 +293,17 @@ def filter_rooms(
     n = particles.shape[2]
     weights, likelihood, total = np.empty(n), np.empty(n), np.empty(n)
     ancestors = np.empty(n, np.intp)
-    kept, moves = np.empty((3, n), np.float32), np.empty((1, 3, n), np.float32)
+    resampled, moves = np.empty((3, n), np.float32), np.empty((1, 3, n), np.float32)
     action = np.zeros((1, 3))
     for room in rooms:
         normalize(log_weights[room], weights)
         fill_systematic(weights, uniforms[room, 0], ancestors)
         for axis in range(3):
             for i in range(n):
-                kept[axis, i] = particles[room, axis, ancestors[i]]
+                resampled[axis, i] = particles[room, axis, ancestors[i]]
         action[0, 0], action[0, 2] = commands[room, 0], commands[room, 1]
         noisy_moves(uniforms[room : room + 1, 1:], action, noise[0], noise[1], noise[2], moves)
-        drive(kept, moves[0], particles[room])
+        drive(resampled, moves[0], particles[room])
         log_weights[room] = 0.0
         rows, columns = shapes[room]
         shape = rows, columns
@@ -336,20 +336,20 @@ def summarize_rooms(
     n = particles.shape[2]
     sine, cosine = np.empty(n), np.empty(n)
     for room in rooms:
-        states, own, mean = particles[room], weights[room], means[room]
-        normalize(log_weights[room], own)
+        states, room_weights, mean = particles[room], weights[room], means[room]
+        normalize(log_weights[room], room_weights)
         for i in range(n):
             heading = np.float64(states[2, i])
             sine[i], cosine[i] = sin64(heading), cos64(heading)
         x, y, s, c = 0.0, 0.0, 0.0, 0.0
         for i in range(n):
-            x, y = x + own[i] * states[0, i], y + own[i] * states[1, i]
-            s, c = s + own[i] * sine[i], c + own[i] * cosine[i]
+            x, y = x + room_weights[i] * states[0, i], y + room_weights[i] * states[1, i]
+            s, c = s + room_weights[i] * sine[i], c + room_weights[i] * cosine[i]
         mean[0], mean[1], mean[2] = x, y, atan2_64(s, c)
         spread = np.zeros(6)
         for i in range(n):
             dx, dy = states[0, i] - x, states[1, i] - y
-            turn, weight = wrapped64(states[2, i] - mean[2]), own[i]
+            turn, weight = wrapped64(states[2, i] - mean[2]), room_weights[i]
             spread[0] += weight * dx * dx
             spread[1] += weight * dx * dy
             spread[2] += weight * dx * turn
@@ -362,9 +362,9 @@ def summarize_rooms(
         of[0, 2] = of[2, 0] = spread[2]
         of[1, 2] = of[2, 1] = spread[4]
         left = np.ones(n, np.bool_)
-        shares[room, 0] = _cluster(states, own, sine, cosine, left, size, best[room])
+        shares[room, 0] = _cluster(states, room_weights, sine, cosine, left, size, best[room])
         second[room] = best[room]
-        shares[room, 1] = _cluster(states, own, sine, cosine, left, size, second[room])
+        shares[room, 1] = _cluster(states, room_weights, sine, cosine, left, size, second[room])
 
 
 @compiled
@@ -408,8 +408,8 @@ def _cluster(
     column, row = cell // height + least_column, cell % height + least_row
     x, y, s, c, share = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        apart = (sectors[i] - sector + 1) % SECTORS
-        near = left[i] and abs(columns[i] - column) <= 1 and abs(rows[i] - row) <= 1 and apart <= 2
+        shift = (sectors[i] - sector + 1) % SECTORS
+        near = left[i] and abs(columns[i] - column) <= 1 and abs(rows[i] - row) <= 1 and shift <= 2
         if near:
             left[i] = False
             share += weights[i]

@@ -119,17 +119,17 @@ class MapAgreement:
     def _mean(self, table: Singles, poses: Floats, seen: Sequence[Seen]) -> Floats:
         """Mean of a table where the beams of scans end, 0 off it, (n,)."""
         out, beams = np.zeros(len(poses)), 0
-        for one in seen:
-            back = relative(seen[-1].odometry[None], one.odometry[None])[0]
+        for record in seen:
+            back = relative(seen[-1].odometry[None], record.odometry[None])[0]
             states = np.ascontiguousarray(composed(poses, back).T, np.float32)
-            ranges, used = one.scan.ranges[one.scan.usable], one.scan.usable
+            ranges, used = record.scan.ranges[record.scan.usable], record.scan.usable
             for origins, rows in self._lidar.fans(states, used):
                 starts = np.ascontiguousarray(origins, np.float32)
-                own = ranges[rows], self._lidar.bearings[used][rows]
-                values = np.empty((own[0].size, len(poses)), np.float32)
-                table_at_ends(starts, *own, table, self._frame, values)
+                polar = ranges[rows], self._lidar.bearings[used][rows]
+                values = np.empty((polar[0].size, len(poses)), np.float32)
+                table_at_ends(starts, *polar, table, self._frame, values)
                 out += values.sum(axis=0, dtype=np.float64, where=np.isfinite(values))
-            beams += one.scan.beams
+            beams += record.scan.beams
         return out / beams
 
 
@@ -155,10 +155,10 @@ class ScanDelay:
             return
         turned = []
         for delay in _DELAYS:
-            before, here = odometry.at(last[0] - delay), odometry.at(time - delay)
-            if before is None or here is None:
+            before, after = odometry.at(last[0] - delay), odometry.at(time - delay)
+            if before is None or after is None:
                 return
-            turned.append(here[2] - before[2])
+            turned.append(after[2] - before[2])
         by = arrays.wrapped(np.array(turned))
         if np.ptp(by) >= _TELLS:
             off = np.minimum(np.abs(arrays.wrapped(heading - last[1] - by)), _FARTHEST_OFF)
@@ -207,30 +207,30 @@ class Lookout:
         rng: np.random.Generator,
     ) -> GaussianPrior | None:
         """Compare a scan with the map, if one is due; return where a lost robot is found."""
-        here, metre = np.array(stretch.at(time)), self.agreement.metre
+        odometry, metre = np.array(stretch.at(time)), self.agreement.metre
         last = self.seen[-1].odometry if self.seen else None
-        if last is not None and not _apart(last, here, _APART[0] * metre, _APART[1]):
+        if last is not None and not _are_apart(last, odometry, _APART[0] * metre, _APART[1]):
             return None
         scan = self.agreement.returns(ranges)
         points = belief.points()
         if scan.beams == 0 or points is None:
             return None
         self.pose = np.array(best_cluster(*points, unit=self.robot.floor_plan.unit).mean)
-        self.seen.append(Seen(here, scan))
+        self.seen.append(Seen(odometry, scan))
         share, matched = self.agreement(self.pose[None], self.seen[-1])
         self.delay.add(time, float(matched[0, 2]) if share[0] >= _SURE else None, stretch)
         self.shares.append(float(share[0]))
         if len(self.places) and last is not None:
-            moved = relative(last[None], here[None])[0]
+            moved = relative(last[None], odometry[None])[0]
             self.places = self.agreement.matched(
                 composed(self.places, moved), list(self.seen), *_FINE
             )[0]
             shares, _ = self.agreement(self.places, self.seen[-1])
             self.compared.append(np.concatenate([share, shares]))
             self.way += math.hypot(*moved[:2]) / metre + abs(float(moved[2]))
-        return self._found(rng)
+        return self._recovered(rng)
 
-    def _found(self, rng: np.random.Generator) -> GaussianPrior | None:
+    def _recovered(self, rng: np.random.Generator) -> GaussianPrior | None:
         """Return where the robot is; search if the belief is in doubt."""
         if self.recovery is None or self.share is None or self.share >= self.recovery.doubt:
             self._drop()
@@ -241,7 +241,7 @@ class Lookout:
             mean, metre = self.places[best], self.agreement.metre
             clear = places[best] >= max(
                 self.recovery.least, belief + self.recovery.margin
-            ) and _apart(self.pose, mean, _SAME[0] * metre, _SAME[1])
+            ) and _are_apart(self.pose, mean, _SAME[0] * metre, _SAME[1])
             self._drop()
             if clear:
                 spread = _SPREAD[0] * self.agreement.metre
@@ -263,11 +263,11 @@ class Lookout:
         matched, height = self.agreement.matched(tried[[0, *(1 + order)]], seen, *_WIDE)
         places, far = [matched[0]], (_DISTINCT[0] * self.agreement.metre, _DISTINCT[1])
         for pose in matched[np.argsort(-height, kind="stable")]:
-            if all(_apart(one, pose, *far) for one in places):
+            if all(_are_apart(place, pose, *far) for place in places):
                 places.append(pose)
         self.places = np.array(places[: 1 + _PLACES])
 
 
-def _apart(one: Floats, other: Floats, distance: float, angle: float) -> bool:
+def _are_apart(pose: Floats, other: Floats, distance: float, angle: float) -> bool:
     """Whether two poses are at least so far from each other."""
-    return has_moved(one.tolist(), other.tolist(), distance, angle)
+    return has_moved(pose.tolist(), other.tolist(), distance, angle)

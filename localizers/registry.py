@@ -110,7 +110,7 @@ class ScanPlugIn:
         return repr(Path(self.kind).name)
 
     def __getattr__(self, name: str) -> Any:
-        """Say what to ask instead of ``robot.scan``, of which others ask what single beams are."""
+        """Say what to ask instead of ``robot.scan``, if it is asked about single beams."""
         words = f"{type(self).__name__!r} object has no attribute {name!r}"
         if name in ("log_likelihood", "least_density", "hit_moments"):
             words = (
@@ -232,5 +232,5 @@ def _parameters_of(factory: Callable[..., Any]) -> list[inspect.Parameter]:
 
 
 def _meaning(parameter: inspect.Parameter) -> str:
-    words = getattr(parameter.annotation, "__metadata__", ())  # of Annotated
-    return next((word for word in words if isinstance(word, str)), "")
+    metadata = getattr(parameter.annotation, "__metadata__", ())  # of Annotated
+    return next((item for item in metadata if isinstance(item, str)), "")

@@ -67,7 +67,7 @@ class Localize(LocalizeEnv):
         one_of("scan", scan, ("beams", "table"))
         world = partial(_world, _LOST, lidar=lidar, robot=robot, noise=noise)
         site = partial(_lost, localizer, world, by_table=scan == "table")
-        super().__init__(_there(site, floor_plan), **task)
+        super().__init__(_sites(site, floor_plan), **task)
 
 
 class Track(TrackEnv):
@@ -93,14 +93,14 @@ class Track(TrackEnv):
         **task: Any,
     ) -> None:
         world = partial(_world, _BLIND, lidar=lidar, robot=robot, noise=noise)
-        there = _there(partial(_blind, localizer, world), floor_plan)
-        px = (there.site(there.offices.seeds[0]) if isinstance(there, Sites) else there).world.pixel
+        sites = _sites(partial(_blind, localizer, world), floor_plan)
+        px = (sites.site(sites.offices.seeds[0]) if isinstance(sites, Sites) else sites).world.pixel
         around = partial(GaussianPrior, sd_position=_SD_POSITION * px, sd_heading=_SD_HEADING)
         lengths = {"tolerance": 40.0 * px, "least": 150.0 * px}
-        super().__init__(there, around, **{**lengths, **task})
+        super().__init__(sites, around, **{**lengths, **task})
 
 
-def _there(site: Callable[[Any], Site], floor_plan: Any) -> Site | Sites:
+def _sites(site: Callable[[Any], Site], floor_plan: Any) -> Site | Sites:
     """Return the site in a floor plan, or the sites in offices of a range of seeds."""
     offices = offices_of(floor_plan)
     return site(floor_plan) if offices is None else Sites(offices, site)
@@ -155,5 +155,5 @@ def _localizer(given: str | dict[str, Any], robot: RobotModel, **defaults: Any) 
             f"localizer is {shown(given)}, but must be a name, or a mapping with a name and "
             'parameters, such as {"name": "mcl-map", "particles": 5000}.'
         )
-    known = parameters(name) or ()
-    return make(name, robot, **{k: v for k, v in defaults.items() if k in known} | params)
+    accepted = parameters(name) or ()
+    return make(name, robot, **{k: v for k, v in defaults.items() if k in accepted} | params)

@@ -164,10 +164,10 @@ class Tracker:
 
         The localizer may refuse a scan that waited for it.
         """
-        here = np.asarray(pose, dtype=np.float64)
-        if here.shape != (3,):
-            raise InputError(f"the odometry has shape {here.shape}, but must be a pose (x, y, θ).")
-        taken = self._odometry.take(time, one_pose(here[None]))
+        state = np.asarray(pose, dtype=np.float64)
+        if state.shape != (3,):
+            raise InputError(f"the odometry has shape {state.shape}, but must be a pose (x, y, θ).")
+        taken = self._odometry.take(time, one_pose(state[None]))
         if taken is Taken.UNUSABLE:
             self.counts.unusable += 1
             return False
@@ -211,15 +211,15 @@ class Tracker:
             return None
         newest, _ = self._odometry.newest
         when = newest if time is None else min(time, newest)
-        update = next((one for one in reversed(self._updates) if one.time <= when), None)
-        here = self._odometry.stretch.at(when)
+        update = next((update for update in reversed(self._updates) if update.time <= when), None)
+        pose = self._odometry.stretch.at(when)
         points = None if update is None else update.belief.points()
-        if update is None or here is None or points is None:
+        if update is None or pose is None or points is None:
             return None
-        moved = relative(np.array([update.odometry]), np.array([here]))
+        moved = relative(np.array([update.odometry]), np.array([pose]))
         poses = composed(np.asarray(points[0], np.float64), moved)
         frame = self._odometry.stretch.frame_at(when)
-        by = here if frame is None else one_pose(relative(np.array([frame]), np.array([here])))
+        by = pose if frame is None else one_pose(relative(np.array([frame]), np.array([pose])))
         quality, agreed = quality_of(update.belief), update.agreement
         lost = agreed is not None and agreed < self.lost_below
         return Estimate(
@@ -239,8 +239,8 @@ class Tracker:
         prior, time = self._start
         if time is not None and time > newest[0]:
             return False
-        known = None if time is None else self._odometry.stretch.at(time)
-        at, pose = newest if time is None or known is None else (time, known)
+        past = None if time is None else self._odometry.stretch.at(time)
+        at, pose = newest if time is None or past is None else (time, past)
         self._start = None
         belief = self.localizer.reset(prior, _NO_PLAN, self.rng)
         self._updates.append(_Update(at, pose, belief))
@@ -251,7 +251,7 @@ class Tracker:
         if not self._waiting or self._odometry.newest is None:
             return False
         updated, (newest, _) = False, self._odometry.newest
-        for time in sorted(one for one in self._waiting if one <= newest):
+        for time in sorted(stamp for stamp in self._waiting if stamp <= newest):
             self._looked_at = time
             updated |= self._used(time, self._waiting.pop(time))
         return updated
@@ -260,16 +260,16 @@ class Tracker:
         if not self._updates or time <= self._updates[-1].time:
             self.counts.scans_before_start += 1
             return False
-        if (here := self._odometry.stretch.at(time)) is None:
+        if (pose := self._odometry.stretch.at(time)) is None:
             self.counts.scans_without_odometry += 1
             return False
         assert self.every is not None
         last = self._updates[-1].odometry
-        if not has_moved(last, here, *self.every):
+        if not has_moved(last, pose, *self.every):
             self.counts.still += 1
             return False
-        (moved,) = increments_of(np.array([last, here])).astype(np.float32)
-        if frozen := self._is_frozen(ranges, here):
+        (moved,) = increments_of(np.array([last, pose])).astype(np.float32)
+        if frozen := self._is_frozen(ranges, pose):
             self.counts.frozen_scans += 1
             ranges = np.full(np.shape(ranges), np.nan, np.float32)
         belief = self.localizer.update(ranges, moved, _NO_PLAN)
@@ -283,19 +283,19 @@ class Tracker:
                 belief = self.localizer.reset(prior, _NO_PLAN, self.rng)
             agreement = lookout.share
             self.counts.misdated_scans += lookout.delay.seconds >= _LATE
-        self._updates.append(_Update(time, here, belief, agreement))
+        self._updates.append(_Update(time, pose, belief, agreement))
         while len(self._updates) > 1 and self._updates[1].time <= time - self.memory:
             self._updates.popleft()  # the one before that time is what was believed then
         return True
 
-    def _is_frozen(self, ranges: Reals, here: Pose) -> bool:
+    def _is_frozen(self, ranges: Reals, pose: Pose) -> bool:
         """Whether a scan with returns is the same as at a place that the robot has left."""
         content = ranges.tobytes()
         if self._scanned is None or self._scanned[0] != content:
-            self._scanned = content, here
+            self._scanned = content, pose
             return False
         far = _EVERY[0] * pixel(self.unit), _EVERY[1]
-        return has_moved(self._scanned[1], here, *far) and bool(np.isfinite(ranges).any())
+        return has_moved(self._scanned[1], pose, *far) and bool(np.isfinite(ranges).any())
 
     def _seen(self, ranges: Reals, bearings: ArrayLike | None) -> Reals:
         """Return a scan at the bearings of the localizer's lidar."""
@@ -317,9 +317,9 @@ class Tracker:
         if self._start is not None:
             self._start = self._start[0], None  # its stamp was of the other clock
         if self._updates:
-            known, begin = self._updates[-1], self._odometry.stretch.times[0]
+            latest, begin = self._updates[-1], self._odometry.stretch.times[0]
             self._updates.clear()
-            self._updates.append(replace(known, time=begin))
+            self._updates.append(replace(latest, time=begin))
 
 
 def _pair(what: str, given: tuple[float, float]) -> tuple[float, float]:

@@ -162,7 +162,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         """Begin an episode, with a localizer that knows the prior."""
         check_options(options)
         super().reset(seed=None if seed is None else integer("seed", seed))
-        start, motion, sensor, own, self._shown = self.np_random.spawn(5)
+        start, motion, sensor, filtering, self._shown = self.np_random.spawn(5)
         if self._sites is not None:
             (drawing,) = self.np_random.spawn(1)
             self.building = self._sites.offices.drawn(drawing)
@@ -173,7 +173,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         pose = x, y, centred_heading(heading)
         self._body = Body(pose, self._walls, self.world, lidar, motion)
         self._scan = self._body.scan
-        self._belief = self._localizer.reset(prior, NO_PLAN, own)
+        self._belief = self._localizer.reset(prior, NO_PLAN, filtering)
         self.steps, self._ended = 0, False
         self._updated()
         return self._seen(), self._info(np.zeros(2, np.float32), False, False)
@@ -182,8 +182,8 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         """Declare, or move, take a scan and update the belief."""
         if self._ended:
             raise RuntimeError("the episode has not begun, or has ended: call reset().")
-        given = self._commands.checked(action)
-        command, on, collided = given[:2].copy(), given[2:] >= 0.5, False
+        values = self._commands.checked(action)
+        command, on, collided = values[:2].copy(), values[2:] >= 0.5, False
         if on[-1]:
             command = np.zeros(2, np.float32)
         else:

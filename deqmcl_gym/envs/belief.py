@@ -169,9 +169,9 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         cell: float | None = None,
         goal: str = "map",
     ) -> None:
-        given = {"localizer": localizer, "prior": prior, "particles": particles, "cell": cell}
-        given["goal"] = one_of("goal", goal, ("map", "relative"))
-        gym.utils.RecordConstructorArgs.__init__(self, _disable_deepcopy=True, **given)
+        arguments = {"localizer": localizer, "prior": prior, "particles": particles, "cell": cell}
+        arguments["goal"] = one_of("goal", goal, ("map", "relative"))
+        gym.utils.RecordConstructorArgs.__init__(self, _disable_deepcopy=True, **arguments)
         super().__init__(env)
         if not isinstance(localizer, Estimator):
             raise InputError(
@@ -199,11 +199,11 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         self._view = BeliefView(
             room.floor_plan, has_quality=has_quality, particles=particles, cell=cell
         )
-        own = env.observation_space
-        shows = own.spaces if isinstance(own, gym.spaces.Dict) else {"scan": own}
+        space = env.observation_space
+        shows = space.spaces if isinstance(space, gym.spaces.Dict) else {"scan": space}
         if getattr(shows.get("scan"), "shape", None) != (room.lidar.beams,):
             raise InputError(
-                f"the env's observations are {shown(own)}, but a localizer needs scans of "
+                f"the env's observations are {shown(space)}, but a localizer needs scans of "
                 f"{room.lidar.beams} beams: put BeliefObservation inside the wrapper that changes "
                 "the observation."
             )

@@ -91,9 +91,9 @@ def log_segments(log: logs.Log, length: float | None) -> Indices:
     last = np.maximum(np.searchsorted(way, way + length), np.arange(1, len(log) + 1))
     whole = last < len(log)
     if log.reference is not None:
-        known = np.searchsorted(log.referenced, np.arange(len(log) + 1))  # among the first k
+        counts = np.searchsorted(log.referenced, np.arange(len(log) + 1))  # among the first k
         first = np.flatnonzero(whole)
-        whole[first] = known[last[first] + 1] - known[first] == last[first] + 1 - first
+        whole[first] = counts[last[first] + 1] - counts[first] == last[first] + 1 - first
     if not whole.any():
         where = "" if log.reference is None else " with a reference at each record"
         raise InputError(
@@ -108,19 +108,19 @@ def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
     if not isinstance(given, str):
         distance, angle = array(what, cast(ArrayLike, given), (2,)).tolist()
         return distance, angle
-    found = {"length": math.inf, "angle": math.inf}
+    thresholds = {"length": math.inf, "angle": math.inf}
     for part in given.split(","):
         match = re.fullmatch(r"\s*((?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(m|px|deg|°|rad)\s*", part)
         kind = "length" if match and match[2] in ("m", "px") else "angle"
-        if match is None or math.isfinite(found[kind]):
+        if match is None or math.isfinite(thresholds[kind]):
             raise InputError(
                 f'{what} is {given!r}, but must be a distance and an angle, such as "0.2m,5deg".'
             )
         if kind == "length" and match[2] != unit:
             raise InputError(f"{what} is {given!r}, but the log is in {unit}: give {unit}.")
         value = float(match[1])
-        found[kind] = math.radians(value) if match[2] in ("deg", "°") else value
-    return found["length"], found["angle"]
+        thresholds[kind] = math.radians(value) if match[2] in ("deg", "°") else value
+    return thresholds["length"], thresholds["angle"]
 
 
 ON_MISMATCH = ("error", "ignore")
@@ -241,8 +241,8 @@ class LogEnv(gym.Env[Singles, Singles]):
         self._map = map_of(map, unknown, self.log)
         self.lidar, usual = self.log.scanner, _RADIUS * pixel(self.log.unit)
         if changed_walls is not None:
-            true, known = self.log.reference, self.log.referenced
-            driven = np.empty((0, 3)) if true is None else true[known]
+            truth, records = self.log.reference, self.log.referenced
+            driven = np.empty((0, 3)) if truth is None else truth[records]
             self._map = map_changed(self.floor_plan, changed_walls, driven[:, :2], usual)
         self.radius = usual if radius is None else number("radius", radius, low=0)
         self._segments = log_segments(self.log, segment)
@@ -307,9 +307,9 @@ class LogEnv(gym.Env[Singles, Singles]):
         recorded = self.next_action
         given = array("the action (forward, left, turn)", action, (3,))
         if self._on_mismatch == "error" and np.abs(given - recorded).max() > _SAME:
-            told, meant = (f"({', '.join(map('{:.6g}'.format, a))})" for a in (given, recorded))
+            sent, right = (f"({', '.join(map('{:.6g}'.format, a))})" for a in (given, recorded))
             raise InputError(
-                f"the action of step {self.elapsed_steps + 1} is {told}, but {meant} was recorded: "
+                f"the action of step {self.elapsed_steps + 1} is {sent}, but {right} was recorded: "
                 'give env.unwrapped.next_action, or make the env with on_mismatch="ignore".'
             )
         self._step += 1
@@ -327,17 +327,17 @@ class LogEnv(gym.Env[Singles, Singles]):
         from deqmcl_gym.world.drawing import LIGHT_BLUE, Drawing, View
 
         step, log, scale = self._begun, self.log, 2.0
-        known = log.referenced
+        referenced = log.referenced
         poses = log.odometry if log.reference is None else log.reference
-        at = known if known.size else np.arange(len(log))
-        ground = self._map if known.size else None
+        at = referenced if referenced.size else np.arange(len(log))
+        ground = self._map if referenced.size else None
         if ground is None:  # the area around odometry that may be far from (0, 0)
             poses, around = poses - np.array([*poses[at[0], :2], 0.0]), 50 * pixel(log.unit)
             (x0, y0), (x1, y1) = poses[at, :2].min(0) - around, poses[at, :2].max(0) + around
             ground = PolygonMap(((x0, y0), (x1, y0), (x1, y1), (x0, y1)), unit=log.unit)
             scale = min(scale, _SIDE * pixel(log.unit) / max(x1 - x0, y1 - y0))
         drawing = Drawing(View(ground, scale)).path(poses[at], LIGHT_BLUE)
-        if not known.size or step in known:
+        if not referenced.size or step in referenced:
             drawing.beams(self.lidar.rays(poses[step]), log.ranges[step])
             drawing.robot(poses[step], self.radius)
         return drawing.number(self.elapsed_steps).image

@@ -78,7 +78,7 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         """Return the observations of all rooms, as fresh arrays."""
         raise NotImplementedError
 
-    def _told(self) -> Info:
+    def _state_info(self) -> Info:
         """Return what ``info`` has of the rooms as they are, fresh arrays (n, …)."""
         raise NotImplementedError
 
@@ -101,8 +101,8 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
             for room, seen in enumerate(iterate(self.observation_space, self._seen())):
                 if ended[room]:
                     last[room] = seen
-            said = self._info(ended, commands.copy(), collided, success)
-            final = {"final_obs": last, "final_info": said}
+            info = self._info(ended, commands.copy(), collided, success)
+            final = {"final_obs": last, "final_info": info}
             final |= {f"_{key}": ended.copy() for key in final}
             rooms = np.flatnonzero(ended)
             self._begin(rooms)
@@ -112,16 +112,16 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
 
     def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero if not ``among``."""
-        told = self._told() | {
+        info = self._state_info() | {
             "command": commands,
             "collided": collided.astype(np.float64),
             "is_success": success.astype(np.float64),
         }
         if among is not self._all:
-            for values in told.values():
+            for values in info.values():
                 values[~among] = 0
-        told.update({f"_{key}": among.copy() for key in told})
-        return told
+        info.update({f"_{key}": among.copy() for key in info})
+        return info
 
     def _check_begun(self, wish: str) -> None:
         if not self._all_begun:
@@ -249,18 +249,18 @@ class RoomVectorEnv(ManyEpisodes):
         shares = rooms.progress / courses.lengths, rooms.steps / courses.limits
         return rules.seen(rooms.scans, rooms.plans()[0], *shares, goals, rooms.poses)
 
-    def _told(self) -> Info:
+    def _state_info(self) -> Info:
         planned, count = self._rooms.plans()
-        told: Info = {
+        info: Info = {
             "planned_actions": planned,
             "planned_count": count,
             "truth": self._rooms.poses.copy(),
         }
         if self._rules.journeys is not None and self._rules.observation == "scan":
-            told["goal"] = self._rooms.courses.goals.copy()
+            info["goal"] = self._rooms.courses.goals.copy()
         if self._rules.offices is not None:
-            told["building"] = self._rooms.buildings.copy()
-        return told
+            info["building"] = self._rooms.buildings.copy()
+        return info
 
 
 def checked_mode(mode: Any) -> AutoresetMode:
@@ -295,7 +295,7 @@ def _checked_seeds(seed: object, number: int) -> list[int | None]:
             f"seed has {len(seed)} numbers, but there are {number} rooms: give one "
             "seed for each, or a single number."
         )
-    return [None if one is None else integer("seed", one) for one in seed]
+    return [None if value is None else integer("seed", value) for value in seed]
 
 
 def journeys(*, max_episode_steps: int | None = None, **room: Any) -> RoomVectorEnv:
@@ -308,18 +308,18 @@ def _limit(steps: int | None) -> int:
     never: int = np.iinfo(np.intp).max
     if steps == -1:
         return never
-    given = MAX_EPISODE_STEPS if steps is None else steps
-    return min(integer("max_episode_steps", given, low=1), never)
+    limit = MAX_EPISODE_STEPS if steps is None else steps
+    return min(integer("max_episode_steps", limit, low=1), never)
 
 
 def _number(rooms: int, rules: RoomRules) -> int:
-    given, each = integer("num_envs", rooms, low=1), Rooms.bytes_each(rules)
-    if given > (most := MOST_ROOM_BYTES // each):
+    count, each = integer("num_envs", rooms, low=1), Rooms.bytes_each(rules)
+    if count > (most := MOST_ROOM_BYTES // each):
         raise InputError(
-            f"num_envs is {shown(given)}, but a room takes {each:,} bytes, and all may take "
+            f"num_envs is {shown(count)}, but a room takes {each:,} bytes, and all may take "
             f"{MOST_ROOM_BYTES // 2**30} GiB: allowed values: 1 to {most:,}."
         )
-    return given
+    return count
 
 
 def _check_together(rules: RoomRules) -> None:

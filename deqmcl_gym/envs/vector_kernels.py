@@ -114,8 +114,8 @@ def step_rooms(
         steps[i] += 1
         collided = False
         if way > 0.0 and gaps[i] <= way + skin:
-            own = walls[slot, : counts[slot]]
-            gaps[i], share = _ahead(x, y, dx, dy, way, own, cells, slot, sizes[slot, 0], skin)
+            segments = walls[slot, : counts[slot]]
+            gaps[i], share = _ahead(x, y, dx, dy, way, segments, cells, slot, sizes[slot, 0], skin)
             if share < np.inf:
                 collided = True
                 share = max(share - skin / way, 0.0)
@@ -234,9 +234,9 @@ def _ahead(
             return gap, np.inf
         return gap, 0.0 if gap < 0.0 else _contact_with_walls(x, y, dx, dy, walls, radius)
     reach, up, down, frame = _grid(cells, slot)
-    point, found = np.array(((x,), (y,))), np.empty(1, np.float32)
-    distances(point, reach, up, down, frame, found)
-    gap = np.float64(found[0]) - radius
+    point, nearest = np.array(((x,), (y,))), np.empty(1, np.float32)
+    distances(point, reach, up, down, frame, nearest)
+    gap = np.float64(nearest[0]) - radius
     if gap > way + skin:
         return gap, np.inf
     end = x + dx, y + dy

@@ -27,7 +27,7 @@ class Rooms:
         """Make ``number`` rooms, with at most ``limit`` steps; :meth:`begin` starts episodes."""
         world, most = rules.world, _steps(rules)
         self._rules = rules
-        self._grounds = Grounds(world, number, own=_own(rules))
+        self._grounds = Grounds(world, number, own=_grounds_differ(rules))
         self._motion = NormalTable(number, 2, most)
         self._noise = NormalTable(number, world.lidar.beams, most + 1)  # of the lidars
         self._own_rules = [rules] * number  # in the office of each
@@ -62,7 +62,7 @@ class Rooms:
         beams, steps = rules.world.lidar.beams, _steps(rules)
         rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
         numbers = 2 * rows[0] + beams * (rows[1] + 2) + 4 * rules.rows + 64
-        return 8 * numbers + (Grounds.bytes_each(rules.world) if _own(rules) else 0)
+        return 8 * numbers + (Grounds.bytes_each(rules.world) if _grounds_differ(rules) else 0)
 
     def plans(self) -> tuple[Singles, Indices]:
         """Return the next h actions of each room, zero-padded, (n, h, 2), and their number, (n,).
@@ -80,13 +80,13 @@ class Rooms:
         """
         rules = [self._rules.of_episode(*episode) for episode in episodes]
         drawn = [
-            Beginning.drawn(own, *episode)
-            for (own, _), episode in zip(rules, episodes, strict=True)
+            Beginning.drawn(room_rules, *episode)
+            for (room_rules, _), episode in zip(rules, episodes, strict=True)
         ]
-        for room, (own, building), begun, episode in zip(
+        for room, (room_rules, building), begun, episode in zip(
             rooms.tolist(), rules, drawn, episodes, strict=True
         ):
-            self._own_rules[room] = own
+            self._own_rules[room] = room_rules
             self.begun[room], self.buildings[room] = begun, building or 0
             self._grounds.put(room, begun.there.world)
             self._put(room, begun.course, begun.plan)
@@ -160,7 +160,7 @@ class Rooms:
             self._shown[room], self._counts[room] = begun.plan.after(underway)
 
 
-def _own(rules: RoomRules) -> bool:
+def _grounds_differ(rules: RoomRules) -> bool:
     """Whether each room has a map, or walls that are not on it, of its own."""
     world = rules.world
     return any((rules.offices, world.clutter, world.changed_walls))
@@ -180,9 +180,9 @@ def _driver(rules: RoomRules) -> tuple[object, ...] | None:
     driver, lap, route = world.driver, world.lap, world.route
     if driver is None or (route is not None and not isinstance(world.floor_plan, GridMap)):
         return None
-    own = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn
+    steering = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn
     near, clearance = (-1.0, -1.0) if route is None else (route.tolerance, route.clearance)
-    return own, near, clearance
+    return steering, near, clearance
 
 
 class NormalTable:
@@ -233,7 +233,7 @@ class Grounds:
     def __init__(self, world: World, rooms: int, own: bool) -> None:
         """Put what the world has into all rooms; ``own``: each may be given another one."""
         self.maps = [world.floor_plan] * rooms
-        self._own = own
+        self._separate = own
         slots = rooms if own else 1
         self.numbers = kernels.GroundRows(
             slots=np.arange(rooms) if own else np.zeros(rooms, np.intp),
@@ -270,13 +270,13 @@ class Grounds:
     def put(self, room: int, world: World) -> None:
         """Put what is there in a world into a room."""
         if self.maps[room] is not world.floor_plan:
-            assert self._own
+            assert self._separate
             self.maps[room] = world.floor_plan
             self._fill(room, world)
 
     def caster(self, rooms: Indices) -> Caster:
         """Return a caster for one pose in each of ``rooms`` (k,), in this order."""
-        if not self._own:
+        if not self._separate:
             return self.maps[0].cast
         if isinstance(self.maps[0], GridMap):
             return partial(kernels.cast_in_rooms, tuple(self.numbers.cells), rooms)

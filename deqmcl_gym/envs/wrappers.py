@@ -127,9 +127,9 @@ class PlanChange(_Once):
     what = "the change of plan"
 
     def __init__(self, env: gym.Env[Singles, Singles], step: int, actions: ArrayLike) -> None:
-        given = validation.actions("actions", actions)
-        super().__init__(env, step, actions=given.tolist())
-        self._actions = self.room.checked_plan("actions", given)
+        plan = validation.actions("actions", actions)
+        super().__init__(env, step, actions=plan.tolist())
+        self._actions = self.room.checked_plan("actions", plan)
 
     def happen(self) -> None:
         """Change the plan."""
@@ -201,11 +201,11 @@ class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.Recor
 
     def step(self, action: Singles) -> StepResult:
         """Step, and record the result."""
-        said = self.env.step(action)
-        self._scans.append(said[0].copy())
-        self._actions.append(said[4]["command"].copy())
-        self._poses.append(_truth(said[4]))
-        return said
+        result = self.env.step(action)
+        self._scans.append(result[0].copy())
+        self._actions.append(result[4]["command"].copy())
+        self._poses.append(_truth(result[4]))
+        return result
 
 
 def _truth(info: dict[str, Any]) -> Floats:
@@ -254,7 +254,7 @@ class Curriculum(gym.Wrapper[Any, Any, Any, Any]):
                     f"{getattr(self._envs[0], unlike)}: give envs of equal actions, and "
                     "observations of equal shapes, so with as many beams."
                 )
-            self.observation_space = _both(self.observation_space, env.observation_space)
+            self.observation_space = _union(self.observation_space, env.observation_space)
         self._success = number("success", success, low=0, high=1)
         self._done: deque[bool] = deque(maxlen=integer("window", window, low=1))
         self.stage = 0
@@ -303,11 +303,11 @@ class Curriculum(gym.Wrapper[Any, Any, Any, Any]):
             env.close()
 
 
-def _both(one: gym.Space[Any], other: gym.Space[Any]) -> gym.Space[Any]:
+def _union(first: gym.Space[Any], second: gym.Space[Any]) -> gym.Space[Any]:
     """Return the space of what is in either of two with the same shapes."""
-    if isinstance(one, gym.spaces.Dict) and isinstance(other, gym.spaces.Dict):
-        return gym.spaces.Dict({key: _both(space, other[key]) for key, space in one.items()})
-    if isinstance(one, gym.spaces.Box) and isinstance(other, gym.spaces.Box):
-        low, high = np.minimum(one.low, other.low), np.maximum(one.high, other.high)
-        return gym.spaces.Box(low, high, dtype=one.dtype.type)
-    return one
+    if isinstance(first, gym.spaces.Dict) and isinstance(second, gym.spaces.Dict):
+        return gym.spaces.Dict({key: _union(space, second[key]) for key, space in first.items()})
+    if isinstance(first, gym.spaces.Box) and isinstance(second, gym.spaces.Box):
+        low, high = np.minimum(first.low, second.low), np.maximum(first.high, second.high)
+        return gym.spaces.Box(low, high, dtype=first.dtype.type)
+    return first

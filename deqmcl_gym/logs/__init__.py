@@ -48,38 +48,38 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
     """Read a log from CSV, gzipped or not; the scanner is needed if the file has none."""
     lines = text_of(path).splitlines()
     comments = [*itertools.takewhile(lambda line: line.startswith("#"), lines)]
-    words, unit, *_ = [*(line[1:].strip() for line in comments), None, None]
+    text, unit, *_ = [*(line[1:].strip() for line in comments), None, None]
     header, *rows = lines[len(comments) :] or [""]
     columns = _cells(header)
     first = _first_range(path, columns)
     at = [columns.index(name) for name in _COLUMNS]
     reference = [columns.index(name) for name in _REFERENCE if name in columns]
-    found = RawRecords(str(path))
+    raw = RawRecords(str(path))
     for row in map(_cells, filter(str.strip, rows)):
         try:
             if len(row) != len(columns):
                 raise ValueError("another number of cells")
             time, *odometry = numbers_of([row[index] for index in at])
-            known = [row[index] for index in reference if row[index]]
-            truth = numbers_of(known) if len(known) == len(_REFERENCE) else ()
+            cells = [row[index] for index in reference if row[index]]
+            truth = numbers_of(cells) if len(cells) == len(_REFERENCE) else ()
             ranges = numbers_of(row[first:])
-            found.records.append(RawRecord(time, odometry, ranges, reference=truth))
+            raw.records.append(RawRecord(time, odometry, ranges, reference=truth))
         except ValueError:
-            found.damage[UNREADABLE] += 1
-    return _log_of(found, words, unit, scanner)
+            raw.damage[UNREADABLE] += 1
+    return _log_of(raw, text, unit, scanner)
 
 
 def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
     """Read a log from npz; see ``read_csv``."""
     try:
         with opened_log(path) as file, np.load(file, allow_pickle=False) as archive:
-            there = archive.files
-            wanted = [name for name in _ARRAYS if name in there]
+            names = archive.files
+            wanted = [name for name in _ARRAYS if name in names]
             if sum(archive.zip.getinfo(f"{name}.npy").file_size for name in wanted) > MOST_OF_LOGS:
                 raise UnreadableError(
                     f"is larger than {MOST_OF_LOGS:,} bytes, the most that is read"
                 )
-            known = {name: archive[name] for name in wanted}
+            data = {name: archive[name] for name in wanted}
     except InputError:
         raise
     except Exception as error:  # damaged bytes can raise anything in zip, zlib and NumPy
@@ -87,35 +87,35 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
             f"{path} is not a complete npz file of plain arrays ({error}): write it by "
             "numpy.savez, without pickles."
         ) from None
-    missing = [name for name in ("times", "odometry", "ranges") if name not in known]
+    missing = [name for name in ("times", "odometry", "ranges") if name not in data]
     if missing:
-        raise InputError(f"{path} lacks the array {missing[0]!r}: it has {', '.join(there)}.")
-    n, beams = known["times"].size, known["ranges"].shape[1:2]
-    known = {"reference": np.full((n, 3), np.nan)} | known
+        raise InputError(f"{path} lacks the array {missing[0]!r}: it has {', '.join(names)}.")
+    n, beams = data["times"].size, data["ranges"].shape[1:2]
+    data = {"reference": np.full((n, 3), np.nan)} | data
     for name, shape in {
         "times": (n,), "odometry": (n, 3), "ranges": (n, *beams), "reference": (n, 3),
     }.items():  # fmt: skip
-        if known[name].shape != shape or known[name].dtype.kind not in "fiu" or not beams:
+        if data[name].shape != shape or data[name].dtype.kind not in "fiu" or not beams:
             raise InputError(
-                f"{path} has {name} of shape {known[name].shape} and type {known[name].dtype}, but "
+                f"{path} has {name} of shape {data[name].shape} and type {data[name].dtype}, but "
                 "times must be numbers of shape (n,), odometry (n, 3), ranges (n, beams), and a "
                 "reference (n, 3)."
             )
-    truth = [pose if np.isfinite(pose).all() else () for pose in known["reference"].tolist()]
-    columns = known["times"].tolist(), known["odometry"].tolist(), known["ranges"], truth
+    truth = [pose if np.isfinite(pose).all() else () for pose in data["reference"].tolist()]
+    columns = data["times"].tolist(), data["odometry"].tolist(), data["ranges"], truth
     rows = zip(*columns, strict=True)
     records = [RawRecord(time, at, scan, reference=pose) for time, at, scan, pose in rows]
-    words, unit = (str(known[name]) if name in known else None for name in ("scanner", "unit"))
-    return _log_of(RawRecords(str(path), records), words, unit, scanner)
+    text, unit = (str(data[name]) if name in data else None for name in ("scanner", "unit"))
+    return _log_of(RawRecords(str(path), records), text, unit, scanner)
 
 
 def write_csv(log: Log, path: Path) -> None:
     """Write a log as CSV, all digits."""
-    known = () if log.reference is None else _REFERENCE
-    names = [*_COLUMNS, *known, *(f"range_{beam}" for beam in range(log.scanner.beams))]
+    columns = () if log.reference is None else _REFERENCE
+    names = [*_COLUMNS, *columns, *(f"range_{beam}" for beam in range(log.scanner.beams))]
     lines = [f"# {log.scanner.json}", f"# {log.unit}", ",".join(names)]
     for record in log:
-        pose = (record.reference or ("", "", "")) if known else ()
+        pose = (record.reference or ("", "", "")) if columns else ()
         lines.append(",".join(map(str, [record.time, *record.odometry, *pose, *record.ranges])))
     save(path, ("\n".join(lines) + "\n").encode())
 
@@ -145,9 +145,9 @@ def _first_range(path: Path, columns: list[str]) -> int:
     if len(set(columns)) < len(columns):
         twice = next(name for name in columns if columns.count(name) > 1)
         raise InputError(f"{path} has the column {twice!r} twice: keep one of them.")
-    if 0 < (given := sum(name in columns for name in _REFERENCE)) < len(_REFERENCE):
+    if 0 < (count := sum(name in columns for name in _REFERENCE)) < len(_REFERENCE):
         raise InputError(
-            f"{path} has {given} of the columns {', '.join(_REFERENCE)}: give all of them, or none."
+            f"{path} has {count} of the columns {', '.join(_REFERENCE)}: give all of them, or none."
         )
     first = len(columns) - sum(name.startswith("range_") for name in columns)
     if not columns[first:] or columns[first:] != [
@@ -157,16 +157,16 @@ def _first_range(path: Path, columns: list[str]) -> int:
     return first
 
 
-def _log_of(records: RawRecords, words: str | None, unit: str | None, given: Scanner | None) -> Log:
+def _log_of(records: RawRecords, text: str | None, unit: str | None, given: Scanner | None) -> Log:
     """Return records as a log of the scanner given, else of that of the file."""
 
     def scanner_of(beams: int, *_: Any) -> Scanner:
-        if given is None and words is None:
+        if given is None and text is None:
             raise InputError(
                 "it does not contain its scanner: put it in the file, or read it with "
                 "scanner=Scanner(angles=…, max_range=…)."
             )
-        scanner = given or Scanner.of_json("its scanner", words or "")
+        scanner = given or Scanner.of_json("its scanner", text or "")
         if scanner.beams != beams:
             raise InputError(
                 f"it has {beams} ranges a record, but its scanner {scanner.beams} angles: give one "
@@ -239,9 +239,9 @@ def read(
             or π, as of a SICK LMS.
     """
     paths: Sequence[Any] = path if isinstance(path, list | tuple) and path else [path]
-    if not all(isinstance(one, str | PathLike) for one in paths):
+    if not all(isinstance(part, str | PathLike) for part in paths):
         raise InputError(f"the log is {shown(path)}, but must be the path of a file, or several.")
-    files = [Path(one) for one in paths]
+    files = [Path(part) for part in paths]
     reader = _reader_of(files)
     options: dict[str, Any] = {
         "scanner": scanner, "scan_topic": scan_topic, "max_apart": max_apart,
@@ -249,21 +249,21 @@ def read(
         "odometry_publisher": odometry_publisher, "reference_topic": reference_topic,
         "base_frame": base_frame, "field_of_view": field_of_view,
     }  # fmt: skip
-    given = {name: value for name, value in options.items() if value is not None}
+    arguments = {name: value for name, value in options.items() if value is not None}
     if max_gap is not None:
         number("max_gap", max_gap, low=0, finite=False)
     of_reference = {"max_gap": max_gap, "reference_tolerance": reference_tolerance}
     if reference is None:
-        given |= {name: value for name, value in of_reference.items() if value is not None}
+        arguments |= {name: value for name, value in of_reference.items() if value is not None}
     taken = signature(reader).parameters
     if "max_range" in taken:
-        given["max_range"] = max_range
-    for name in given:
+        arguments["max_range"] = max_range
+    for name in arguments:
         if name not in taken:
             raise InputError(
                 f"{name} is given, but {files[0]} is of a format that does not take it."
             )
-    log = reader(files if "paths" in taken else files[0], **given)
+    log = reader(files if "paths" in taken else files[0], **arguments)
     scanner = _changed(log, max_range, min_range, mounting)
     log = log if scanner is log.scanner else replace(log, scanner=scanner)
     return log if reference is None else referenced(log, reference, max_gap, reference_tolerance)

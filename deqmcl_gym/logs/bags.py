@@ -48,7 +48,7 @@ class Bag:
     @property
     def topics(self) -> Mapping[str, str]:
         """The type of each topic."""
-        return {one.topic: one.msgtype for reader in self.readers for one in reader.connections}
+        return {c.topic: c.msgtype for reader in self.readers for c in reader.connections}
 
     def messages(self, topics: set[str | None], kinds: Sequence[str] = ()) -> Iterator[Sent]:
         """Yield the messages of some topics, and of some types."""
@@ -56,7 +56,7 @@ class Bag:
         def received(reader: Any) -> Iterator[Sent]:
             chosen = [c for c in reader.connections if c.topic in topics or c.msgtype in kinds]
             publishers: dict[str, list[int]] = {}  # of each topic
-            messages = reader.messages(connections=chosen) if chosen else ()  # none is all to it
+            messages = reader.messages(connections=chosen) if chosen else ()  # [] would mean all
             for connection, moment, raw in messages:
                 topic, kind = connection.topic, connection.msgtype
                 ids = publishers.setdefault(topic, [])
@@ -66,7 +66,7 @@ class Bag:
                 yield Sent(0, moment / 1e9, ids.index(connection.id), topic, kind, decoded)
 
         parts = map(received, self.readers)
-        for number, sent in enumerate(heapq.merge(*parts, key=lambda one: one.received)):
+        for number, sent in enumerate(heapq.merge(*parts, key=lambda message: message.received)):
             yield sent._replace(number=number)
 
     def topic(
@@ -95,8 +95,8 @@ class Bag:
                 f"of {self.name}: {listed or 'none'}."
             )
         if len(fitting) > 1 and beside is not None:
-            alike = [len(os.path.commonpath([beside, one])) for one in fitting]
-            fitting = [one for one, n in zip(fitting, alike, strict=True) if n == max(alike)]
+            alike = [len(os.path.commonpath([beside, topic])) for topic in fitting]
+            fitting = [topic for topic, n in zip(fitting, alike, strict=True) if n == max(alike)]
         if len(fitting) > 1:
             raise InputError(
                 f"{self.name} has {len(fitting)} topics of type {types[0]}, {', '.join(fitting)}: "
@@ -130,10 +130,10 @@ def opened_bag(paths: Sequence[Path]) -> Iterator[Bag]:
     except InputError:
         raise
     except Exception as error:  # rosbags raises what it meets: struct, sqlite3, yaml, assertions
-        said = str(error) or type(error).__name__
+        why = str(error) or type(error).__name__
         remedy = _REMEDIES.get(at.suffix.lower(), _REINDEX)
         raise InputError(
-            f"{at} cannot be read as a ROS bag ({said}): if it was cut, or not closed, mend it by "
+            f"{at} cannot be read as a ROS bag ({why}): if it was cut, or not closed, mend it by "
             f"{remedy}."
         ) from None
 
@@ -215,7 +215,7 @@ def _composed(bag: Bag, topic: str) -> Floats:
             "but must have one, as odom: give a topic of poses."
         )
     ((child, rows),) = frames.in_map.items()
-    there, odometry = rows.poses, PoseRows()
+    origins, odometry = rows.poses, PoseRows()
     if any(parent == child for parent, _ in frames.moving):
         _, odometry = frames.odometry(bag.name, None, child, "")
     elif ODOMETRY in bag.topics.values():
@@ -224,10 +224,10 @@ def _composed(bag: Bag, topic: str) -> Floats:
             if frame_name(message.header.frame_id) in (child, ""):
                 odometry.add(sent, message)
     if not odometry.rows:
-        return there  # the robot itself
+        return origins  # the robot itself
     table = odometry.table
     judged = JudgedOdometry.of(table[:, 0], table[:, 1], odometry.poses, "m")
-    found = [judged.at(*moment) for moment in zip(rows.table[:, 0], there[:, 0], strict=True)]
-    known = np.array([one is not None for one in found])
-    here = np.array([one[1] for one in found if one is not None]).reshape(-1, 3)
-    return np.column_stack([there[known, 0], composed(there[known, 1:], here)])
+    placed = [judged.at(*moment) for moment in zip(rows.table[:, 0], origins[:, 0], strict=True)]
+    known = np.array([pair is not None for pair in placed])
+    poses = np.array([pair[1] for pair in placed if pair is not None]).reshape(-1, 3)
+    return np.column_stack([origins[known, 0], composed(origins[known, 1:], poses)])

@@ -107,9 +107,9 @@ class _Messages:
                 tell(f"{records.source}: {remark}.")
             return records.with_odometry(judged)
         elif kind == "FLASER":
-            told = math.radians(self._param("laser_front_laser_fov", math.nan))
-            if field_of_view is None and _NARROWEST <= told <= 2 * math.pi:
-                field_of_view = told
+            logged_fov = math.radians(self._param("laser_front_laser_fov", math.nan))
+            if field_of_view is None and _NARROWEST <= logged_fov <= 2 * math.pi:
+                field_of_view = logged_fov
             sizes = Counter(len(record.ranges) for record in records.records)
             fans = {beams: self._fan(beams, field_of_view) for beams in sizes}
             records.records = [r._replace(fan=fans[len(r.ranges)]) for r in records.records]
@@ -193,8 +193,8 @@ def read_carmen(
 def _kind(name: str, messages: _Messages, asked: str | None) -> str:
     if asked is not None:
         return one_of("kind of scan in a CARMEN log", asked, SCAN_KINDS)
-    there = [kind for kind, found in messages.scans.items() if found.records]
-    whole = [kind for kind in there if kind != "RAWLASER1"] or there  # raw ones are the same scans
+    kinds = [kind for kind, scans in messages.scans.items() if scans.records]
+    whole = [kind for kind in kinds if kind != "RAWLASER1"] or kinds  # raw ones are the same scans
     if len(whole) == 1:
         return whole[0]
     if whole:

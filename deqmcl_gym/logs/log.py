@@ -76,8 +76,8 @@ class Scanner(Lidar):
     def json(self) -> str:
         """This scanner as JSON without blanks."""
         # "turn" and "mounts" only if there are any: as logs were before them
-        told = (name for name in _NAMES if name not in ("turn", "mounts") or getattr(self, name))
-        values = {name: getattr(self, name) for name in told}
+        names = (name for name in _NAMES if name not in ("turn", "mounts") or getattr(self, name))
+        values = {name: getattr(self, name) for name in names}
         return json.dumps(values, separators=(",", ":"), default=asdict)
 
     @property
@@ -87,11 +87,11 @@ class Scanner(Lidar):
 
     def measured(self, ranges: ArrayLike) -> Singles:
         """Return ranges (..., beams) as float32, +inf or NaN where they are no measurements."""
-        given = real("ranges", ranges)
+        values = real("ranges", ranges)
         with np.errstate(over="ignore", invalid="ignore"):
-            given = np.array(given, dtype=np.float32)
-        self.lose(given, blind=np.nan)
-        return given
+            values = np.array(values, dtype=np.float32)
+        self.lose(values, blind=np.nan)
+        return values
 
     @cached_property
     def loses(self) -> bool:
@@ -113,12 +113,12 @@ class Scanner(Lidar):
         if max_beams >= self.beams:
             return self, range(self.beams)
         ends = (0.0, self.beams - 1.0) if max_beams > 1 else ((self.beams - 1) / 2,) * 2
-        kept = np.rint(np.linspace(*ends, max_beams)).astype(int).tolist()
-        angles = tuple(self.angles[i] for i in kept)
-        left = [sum(rows.start <= i < rows.stop for i in kept) for rows in self.rows]
+        beams = np.rint(np.linspace(*ends, max_beams)).astype(int).tolist()
+        angles = tuple(self.angles[i] for i in beams)
+        left = [sum(rows.start <= i < rows.stop for i in beams) for rows in self.rows]
         pairs = zip(self.mounts, left, strict=False)
         mounts = tuple(replace(mount, beams=n) for mount, n in pairs if n)
-        return replace(self, angles=angles, mounts=mounts), kept
+        return replace(self, angles=angles, mounts=mounts), beams
 
 
 def ascending_times(source: str, what: str, given: ArrayLike) -> Floats:
@@ -170,7 +170,7 @@ class Log:
                 "each time, a column for each beam of the scanner."
             )
         ranges = self.scanner.measured(self.ranges)
-        kept: dict[str, NDArray[Any]] = {"times": times, "odometry": odometry, "ranges": ranges}
+        columns: dict[str, NDArray[Any]] = {"times": times, "odometry": odometry, "ranges": ranges}
         if self.reference is not None:
             given = real(f"the reference of {self.source}", self.reference)
             reference = np.array(given, dtype=np.float64)
@@ -180,11 +180,11 @@ class Log:
                     f"{(n, 3)}: a pose for each record, NaN for none."
                 )
             reference[~np.isfinite(reference).all(axis=1)] = np.nan
-            kept["reference"] = reference
+            columns["reference"] = reference
             known = np.isfinite(reference[:, 0])
             reference[known, 2] = arrays.wrapped(reference[known, 2])
         odometry[:, 2] = arrays.wrapped(odometry[:, 2])
-        for name, values in kept.items():
+        for name, values in columns.items():
             values.setflags(write=False)
             object.__setattr__(self, name, values)
 
@@ -248,9 +248,9 @@ class Log:
             "of the ranges without a return",
         ]
         if self.reference is not None:
-            known, between = self.referenced.size, self.referenced.size - self.posed.size
+            count, between = self.referenced.size, self.referenced.size - self.posed.size
             more = f", {between:,} of them interpolated" if between else ""
-            lines.append(f"reference: at {known:,} of {len(self):,} records{more}")
+            lines.append(f"reference: at {count:,} of {len(self):,} records{more}")
         if self.skipped:
             lines.append(said_of_skipped(self.skipped, len(self)))
         return "\n".join(lines)
@@ -297,16 +297,16 @@ class Log:
         """
         far = number("the distance of every", distance, low=0, finite=False)
         turned = number("the angle of every", angle, low=0, finite=False)
-        poses, kept = self.odometry.tolist(), [0]
+        poses, indices = self.odometry.tolist(), [0]
         for index, pose in enumerate(poses[1:], 1):
-            if has_moved(poses[kept[-1]], pose, far, turned):
-                kept.append(index)
-        return self.of_records(np.array(kept))
+            if has_moved(poses[indices[-1]], pose, far, turned):
+                indices.append(index)
+        return self.of_records(np.array(indices))
 
     def with_beams(self, max_beams: int) -> "Log":
         """Return the log with at most ``max_beams`` beams, spread evenly over the scanner's."""
-        scanner, kept = self.scanner.thinned(max_beams)
-        return replace(self, scanner=scanner, ranges=self.ranges[:, kept])
+        scanner, beams = self.scanner.thinned(max_beams)
+        return replace(self, scanner=scanner, ranges=self.ranges[:, beams])
 
     def of_records(self, chosen: slice | Indices) -> "Log":
         """Return the log of the chosen records, in order."""

@@ -16,13 +16,13 @@ from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, arrays
 def increments_of(poses: Floats) -> Floats:
     """Return the increments between consecutive poses (n, 3), (n - 1, 3); NaN where a pose is."""
     known: Bools = np.asarray(np.isfinite(poses).all(axis=1))
-    given = np.where(known[:, None], poses, 0.0)
-    dx, dy, turn = np.diff(given, axis=0).T
-    cosine, sine = arrays.cos(given[1:, 2]), arrays.sin(given[1:, 2])
+    finite = np.where(known[:, None], poses, 0.0)
+    dx, dy, turn = np.diff(finite, axis=0).T
+    cosine, sine = arrays.cos(finite[1:, 2]), arrays.sin(finite[1:, 2])
     forward, left = dx * cosine + dy * sine, dy * cosine - dx * sine
-    found = np.column_stack([forward, left, arrays.wrapped(turn)])
-    found[~(known[1:] & known[:-1])] = np.nan
-    return found
+    increments = np.column_stack([forward, left, arrays.wrapped(turn)])
+    increments[~(known[1:] & known[:-1])] = np.nan
+    return increments
 
 
 def has_moved(last: Sequence[float], pose: Sequence[float], distance: float, angle: float) -> bool:
@@ -55,10 +55,10 @@ def sideways_of(increments: Floats) -> Floats:
 
 def dead_reckoned(increments: ArrayLike, start: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
     """Return the start and the poses after each increment (n, 3) or action (n, 2), (n + 1, 3)."""
-    given = np.asarray(increments, dtype=np.float64)
-    given = given.reshape(len(given), -1 if given.size else 3)
-    forward, turn = given[:, 0], given[:, -1]
-    left = given[:, 1] if given.shape[1] == 3 else np.zeros(len(given))
+    moves = np.asarray(increments, dtype=np.float64)
+    moves = moves.reshape(len(moves), -1 if moves.size else 3)
+    forward, turn = moves[:, 0], moves[:, -1]
+    left = moves[:, 1] if moves.shape[1] == 3 else np.zeros(len(moves))
     x, y, heading = np.asarray(start, dtype=np.float64)
     headings = arrays.wrapped(np.cumsum([heading, *turn]))
     cosine, sine = arrays.cos(headings[1:]), arrays.sin(headings[1:])

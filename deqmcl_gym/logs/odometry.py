@@ -113,7 +113,7 @@ class Odometry:
 
     def take(self, time: float, raw: Pose) -> Taken:
         """Take a pose with its stamp, s."""
-        if not all(abs(one) <= LARGEST for one in (time, *raw)):  # False for NaN, too
+        if not all(abs(value) <= LARGEST for value in (time, *raw)):  # False for NaN, too
             return Taken.UNUSABLE
         if self._raw is None:
             self._keep(time, raw, None)
@@ -139,10 +139,10 @@ class Odometry:
         return jumped
 
     def _keep(self, time: float, raw: Pose, frame: Pose | None) -> None:
-        here = raw if frame is None else one_pose(composed(np.array([frame]), np.array(raw)))
+        pose = raw if frame is None else one_pose(composed(np.array([frame]), np.array(raw)))
         self._raw = raw
         self.stretch.times.append(time)
-        self.stretch.poses.append(here)
+        self.stretch.poses.append(pose)
         self.stretch.frames.append(frame)
 
 
@@ -212,9 +212,9 @@ class JudgedOdometry:
 
     @property
     def remarks(self) -> list[str]:
-        """What is to be told of it."""
+        """What users are told about it."""
         remarks = remarks_of(len(self.stretches) - 1, self.jumps)
-        if lost := sum(self.counts.get(one, 0) for one in (Taken.LATE, Taken.UNUSABLE)):
+        if lost := sum(self.counts.get(taken, 0) for taken in (Taken.LATE, Taken.UNUSABLE)):
             remarks.append(f"{lost:,} odometry messages are left out: late, doubled or not finite")
         return remarks
 
@@ -236,9 +236,8 @@ def times_words(count: int) -> str:
 
 
 def frame_of(there: Pose, raw: Pose) -> Pose:
-    """Return the frame in which odometry that reads ``raw`` is ``there``."""
-    back = relative(np.array([raw]), _NOTHING)
-    return one_pose(composed(np.array([there]), back))
+    """Return the frame in which the odometry reading ``raw`` is the pose ``there``."""
+    return one_pose(composed(np.array([there]), relative(np.array([raw]), _NOTHING)))
 
 
 def jumps_in(times: Floats, poses: Floats, unit: str) -> Bools:
@@ -263,13 +262,13 @@ def clock_shifts(times: ArrayLike) -> Floats:
     As of ``Odometry``: two stamps in a row that are older than the newest by more than 1 s, in
     their order. The new stretch begins the usual period after the old one.
     """
-    given = np.asarray(times, dtype=np.float64)
-    shifts = np.zeros(given.size)
+    stamps = np.asarray(times, dtype=np.float64)
+    shifts = np.zeros(stamps.size)
     newest, shift = -math.inf, 0.0
-    for at in np.flatnonzero(np.isfinite(given) & ~_far_ahead(given)):
-        time, after = given[at], given[at + 1 : at + 2]
+    for at in np.flatnonzero(np.isfinite(stamps) & ~_far_ahead(stamps)):
+        time, after = stamps[at], stamps[at + 1 : at + 2]
         if time < newest - BACK and (time < after).any() and (after < newest - BACK).any():
-            shift += newest + float(np.median(np.abs(np.diff(given)))) - time
+            shift += newest + float(np.median(np.abs(np.diff(stamps)))) - time
             newest = time
         shifts[at] = shift
         newest = max(newest, time)
@@ -278,10 +277,10 @@ def clock_shifts(times: ArrayLike) -> Floats:
 
 def _far_ahead(times: Floats) -> Bools:
     """Return which stamps are far ahead of those before and after, which are in order, (n,)."""
-    found = np.zeros(times.size, np.bool_)
-    before, here, after = times[:-2], times[1:-1], times[2:]
-    found[1:-1] = (before <= after) & (here > after + BACK)
-    return found
+    ahead = np.zeros(times.size, np.bool_)
+    before, middle, after = times[:-2], times[1:-1], times[2:]
+    ahead[1:-1] = (before <= after) & (middle > after + BACK)
+    return ahead
 
 
 def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> list[Indices]:
@@ -293,7 +292,7 @@ def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> lis
     at the same place. Times are those of the headers, (n,) s, in the order in which messages came,
     poses finite, (n, 3), sources the numbers of connections, (n,).
     """
-    by_source = [np.flatnonzero(sources == one) for one in np.unique(sources)]
+    by_source = [np.flatnonzero(sources == source) for source in np.unique(sources)]
     if np.count_nonzero(np.diff(sources)) > len(by_source) + _ALTERNATIONS:
         return sorted(by_source, key=len, reverse=True)
     size = pixel(unit)
@@ -304,7 +303,7 @@ def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> lis
     turns = np.flatnonzero(fast[1:] & fast[:-1] & back)
     if turns.size < _ALTERNATIONS:
         return [np.arange(len(times))]
-    heads, own = [int(turns[-1]), int(turns[-1]) + 1], np.empty(len(times), np.intp)
+    heads, owners = [int(turns[-1]), int(turns[-1]) + 1], np.empty(len(times), np.intp)
     order = [*range(heads[1], -1, -1), *range(heads[1] + 1, len(times))]
     reach = np.array([1.0, 1.0, 50 * size])  # 1 m for each rad
     first = poses[heads].copy()
@@ -314,9 +313,9 @@ def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> lis
             ends = first
         off = poses[at] - ends
         off[:, 2] = arrays.wrapped(off[:, 2])
-        own[at] = int(np.square(off * reach).sum(axis=1).argmin())
-        ends[own[at]] = poses[at]
-    return sorted((np.flatnonzero(own == one) for one in (0, 1)), key=len, reverse=True)
+        owners[at] = int(np.square(off * reach).sum(axis=1).argmin())
+        ends[owners[at]] = poses[at]
+    return sorted((np.flatnonzero(owners == head) for head in (0, 1)), key=len, reverse=True)
 
 
 def publisher_words(rows: Floats) -> str:

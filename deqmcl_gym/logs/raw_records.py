@@ -57,7 +57,7 @@ class RawRecords:
 
     def with_odometry(self, moved: odometry.JudgedOdometry) -> "RawRecords":
         """Return the records with the odometry at their times, of those that have one."""
-        known, last = [], None
+        records, last = [], None
         for record in self.records:
             placed = moved.at(record.number, record.time)
             if placed is None:
@@ -66,9 +66,9 @@ class RawRecords:
                 self.damage[DOUBLED] += 1
             else:
                 time, pose = placed
-                known.append(record._replace(time=time, odometry=pose))
+                records.append(record._replace(time=time, odometry=pose))
             last = record.time
-        return replace(self, records=known, judged=True)
+        return replace(self, records=records, judged=True)
 
     def log(
         self, scanner_of: Callable[[int, str, scans.Fan | None], Scanner], *, unit: str = "m"
@@ -133,13 +133,13 @@ class RawRecords:
 
     def _reference(self, records: Sequence[RawRecord]) -> Floats | None:
         """Return the true poses of records, (n, 3); NaN where none is sound."""
-        given = [len(record.reference) > 0 for record in records]
+        references = sum(len(record.reference) > 0 for record in records)
         poses = np.array([record.reference or (np.nan,) * 3 for record in records], np.float64)
         poses[~usable(poses)] = np.nan
-        known = int(np.isfinite(poses[:, 0]).sum())
-        if bad := sum(given) - known:
+        sound = int(np.isfinite(poses[:, 0]).sum())
+        if bad := references - sound:
             self._tell([f"{bad:,} reference poses left out: not finite or beyond {LARGEST:g}"])
-        return poses if known else None
+        return poses if sound else None
 
 
 def _seen(
@@ -216,24 +216,24 @@ def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX
     slowest = min(scanned, key=lambda topic: len(scanned[topic]))
     base, unpaired = scanned[slowest], Counter[str]()
     partner = {topic: _partners(base, log, max_apart) for topic, log in scanned.items()}
-    for topic, found in partner.items():
-        if lost := int((found < 0).sum()):
+    for topic, rows in partner.items():
+        if lost := int((rows < 0).sum()):
             unpaired[f"without a scan of {topic} within {max_apart:g} s"] += lost
-    whole = np.all([found >= 0 for found in partner.values()], axis=0)
+    whole = np.all([rows >= 0 for rows in partner.values()], axis=0)
     if not whole.any():
         raise InputError(
             f"{source} has no scans of {' and '.join(scanned)} within {max_apart:g} s of one "
             "another: give a larger max_apart, or one topic, and compare the clocks of the lidars."
         )
-    kept = base.of_records(np.flatnonzero(whole))
+    paired = base.of_records(np.flatnonzero(whole))
     ranges = [
-        log.ranges[found[whole]] if log is base else _moved(log, found[whole], kept.odometry)
-        for log, found in zip(scanned.values(), partner.values(), strict=True)
+        log.ranges[rows[whole]] if log is base else _moved(log, rows[whole], paired.odometry)
+        for log, rows in zip(scanned.values(), partner.values(), strict=True)
     ]
     if unpaired:
-        tell(f"{source}: {said_of_skipped(unpaired, len(kept))}.")
+        tell(f"{source}: {said_of_skipped(unpaired, len(paired))}.")
     for topic, log in scanned.items():
-        if topic != slowest and (unused := len(log) - len(kept)):
+        if topic != slowest and (unused := len(log) - len(paired)):
             tell(
                 f"{source}: {unused:,} of {len(log):,} scans of {topic} are in no record: "
                 f"records are those of {slowest}, which has the fewest scans."
@@ -246,7 +246,7 @@ def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX
         max_range=max(scanner.max_range for scanner in scanners),
     )
     return replace(
-        kept, scanner=joined, ranges=np.concatenate(ranges, axis=1), source=source,
+        paired, scanner=joined, ranges=np.concatenate(ranges, axis=1), source=source,
         skipped=dict(Counter(base.skipped) + unpaired),
     )  # fmt: skip
 
@@ -255,13 +255,13 @@ def _partners(base: Log, other: Log, max_apart: float) -> Indices:
     """Return for each record of ``base`` the scan nearest in time, its own alone; -1 for none."""
     if other is base:
         return np.arange(len(base))
-    found, least = nearest_in_time(other.times, base.times)
-    found[least > max_apart + 1e-9] = -1
+    nearest, least = nearest_in_time(other.times, base.times)
+    nearest[least > max_apart + 1e-9] = -1
     # of two records with one scan the nearer has it
     order = np.argsort(least, kind="stable")
-    _, first = np.unique(found[order], return_index=True)
-    found[np.setdiff1d(order, order[first])] = -1
-    return found
+    _, first = np.unique(nearest[order], return_index=True)
+    nearest[np.setdiff1d(order, order[first])] = -1
+    return nearest
 
 
 def _moved(log: Log, chosen: Indices, poses: Floats) -> Singles:
@@ -283,7 +283,7 @@ def _moved(log: Log, chosen: Indices, poses: Floats) -> Singles:
     seen = np.floor(np.mod(angle / step + 0.5, 2 * math.pi / abs(step))).astype(int)
     inside = seen < scanner.beams
     out = np.full((len(driven), scanner.beams), np.inf, np.float32)
-    found = np.sqrt(x * x + y * y).astype(np.float32)
-    np.minimum.at(out, (row[inside], seen[inside]), found[inside])
+    distances = np.sqrt(x * x + y * y).astype(np.float32)
+    np.minimum.at(out, (row[inside], seen[inside]), distances[inside])
     ranges[driven] = scanner.measured(out)
     return ranges

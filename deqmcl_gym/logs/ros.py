@@ -71,7 +71,7 @@ def read_bag(
         if len(asked) < 2:
             raise InputError("max_apart is given, but pairs the scans of 2 scan topics or more.")
     with opened_bag(paths) as bag:
-        scans = [topic for one in asked if (topic := bag.topic((SCAN,), "scan_topic", one))]
+        scans = [topic for name in asked if (topic := bag.topic((SCAN,), "scan_topic", name))]
         odometry = bag.topic(
             (ODOMETRY,), "odometry_topic", odometry_topic, beside=scans[0], needed=False
         )
@@ -97,7 +97,7 @@ def _scan_topics(given: str | Sequence[str] | None) -> Sequence[str | None]:
     if given is None or isinstance(given, str):
         return [given]
     several = isinstance(given, list | tuple) and len(set(map(str, given))) == len(given) > 0
-    if not several or not all(isinstance(one, str) for one in given):
+    if not several or not all(isinstance(topic, str) for topic in given):
         raise InputError(
             f"scan_topic is {shown(given)}, but must be a topic or several different ones."
         )
@@ -174,22 +174,22 @@ class _Messages:
         return meant
 
     def log(
-        self, base: str, odometry: JudgedOdometry, max_range: float | None, apart: float
+        self, base: str, odometry: JudgedOdometry, max_range: float | None, max_apart: float
     ) -> Log:
-        """Return the log of all messages read; scans of several topics at most ``apart`` s."""
+        """Return the log of all messages; scans of one record are at most ``max_apart`` s apart."""
 
         def scanner_of(topic: str, beams: int, frame: str, fan: Fan | None) -> Scanner:
             assert fan is not None
             most = fan.max_range if fan.limited else max_range  # of simulators and some drivers
             if most is None:
                 fans = [record.fan for record in self.scanned[topic].records]
-                said = max(one.max_range for one in fans if one)
+                largest = max(fan.max_range for fan in fans if fan)
                 raise InputError(
-                    f"range_max of its scans is {said:g}: give max_range{like('max_range', 20)}."
+                    f"range_max of its scans is {largest:g}: give max_range{like('max_range', 20)}."
                 )
-            own = fan.angles(beams)
+            fan_angles = fan.angles(beams)
             mount = self.transforms.of(topic).mounted(self.name, base, frame, beams)
-            seen = mount.heading - own if mount.upside_down else mount.heading + own
+            seen = mount.heading - fan_angles if mount.upside_down else mount.heading + fan_angles
             place: dict[str, Any] = {"mounts": (mount,)}
             if len(self.scanned) == 1:
                 place = {"mounting": (mount.x, mount.y), "turn": mount.heading}
@@ -202,7 +202,7 @@ class _Messages:
         }
         if len(scanned) == 1:
             return scanned.popitem()[1]
-        return paired_scans(scanned, self.name, apart)
+        return paired_scans(scanned, self.name, max_apart)
 
     def moved_by(
         self, base_frame: str | None, odometry_frame: str | None, publisher: int | None
@@ -245,9 +245,9 @@ class _Messages:
 
     def _doubt(self, moved: PoseRows) -> str | None:
         """Say why poses on a topic of odometry may be none; None if they look like it."""
-        if known := sorted(moved.frames & {MAP_FRAME, "world"}):
+        if frames := sorted(moved.frames & {MAP_FRAME, "world"}):
             whose = "as an estimate or the truth"
-            return f"the poses of {self.odometry} are in frame {known[0]}, {whose}"
+            return f"the poses of {self.odometry} are in frame {frames[0]}, {whose}"
         rows = moved.poses[np.isfinite(moved.poses).all(axis=1)]
         if len(rows) < 2:
             return None
@@ -262,18 +262,18 @@ class _Messages:
         """Return odometry, judged, of one publisher; tell what is not as usual."""
         table, rows = moved.table, stamped(moved.poses)
         finite = np.flatnonzero(np.isfinite(rows).all(axis=1))
-        own = publishers(rows[finite, 0], rows[finite, 1:], table[finite, 2], self.unit)
-        chosen = integer("odometry_publisher", publisher or 1, low=1, high=len(own))
-        if len(own) > 1:
-            each = enumerate((rows[finite[messages]] for messages in own), 1)
+        by_publisher = publishers(rows[finite, 0], rows[finite, 1:], table[finite, 2], self.unit)
+        chosen = integer("odometry_publisher", publisher or 1, low=1, high=len(by_publisher))
+        if len(by_publisher) > 1:
+            each = enumerate((rows[finite[messages]] for messages in by_publisher), 1)
             listed = "; ".join(f"{n}: {publisher_words(part)}" for n, part in each)
             self._tell(
-                f"{len(own)} publishers send odometry on {where} ({listed}): "
+                f"{len(by_publisher)} publishers send odometry on {where} ({listed}): "
                 f"{chosen} is taken, choose another by odometry_publisher"
-                f"{like('odometry_publisher', 1 + chosen % len(own))}"
+                f"{like('odometry_publisher', 1 + chosen % len(by_publisher))}"
             )
-            kept = finite[own[chosen - 1]]
-            table, rows = table[kept], rows[kept]
+            indices = finite[by_publisher[chosen - 1]]
+            table, rows = table[indices], rows[indices]
         judged = JudgedOdometry.of(table[:, 0], table[:, 1], rows, self.unit)
         for remark in judged.remarks:
             self._tell(remark)

@@ -131,18 +131,18 @@ def _seen_at(ranges: Singles, beams: Floats, onto: Floats) -> tuple[Singles, flo
     past[past > _TURN - _ROUNDING] = 0.0  # of a beam at the bearing itself
     gap = np.mod(beams[after] - beams[before], _TURN)
     gap[gap < past] += _TURN
-    apart = np.abs(np.diff(onto))
-    within = (float(np.median(apart)) / 2 if apart.size else math.pi) + _ROUNDING
+    spacing = np.abs(np.diff(onto))
+    within = (float(np.median(spacing)) / 2 if spacing.size else math.pi) + _ROUNDING
     off = np.minimum(past, gap - past)
     nearer = np.where(past <= gap / 2, before, after)
-    found = np.where(off <= within, ranges[:, nearer], np.float32(np.nan))
-    one, other = ranges[:, before], ranges[:, after]
+    nearest = np.where(off <= within, ranges[:, nearer], np.float32(np.nan))
+    first, second = ranges[:, before], ranges[:, after]
     with np.errstate(invalid="ignore", divide="ignore"):
-        wall = np.abs(other - one) <= _STEEPEST * gap * (one + other) / 2
+        wall = np.abs(second - first) <= _STEEPEST * gap * (first + second) / 2
         wall &= (off > _ROUNDING) & (gap <= 4 * within)
-        straight = one * other * np.sin(gap)
-        straight /= one * np.sin(past) + other * np.sin(gap - past)
-    joined = np.where(wall, straight, found).astype(np.float32)
+        straight = first * second * np.sin(gap)
+        straight /= first * np.sin(past) + second * np.sin(gap - past)
+    joined = np.where(wall, straight, nearest).astype(np.float32)
     return joined, float(off[off <= within].max(initial=0.0))
 
 
@@ -162,15 +162,15 @@ def _middle_fan(sizes: Sequence[int], fans: Sequence[Fan]) -> tuple[int, float, 
 
 def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
     """Return a scan (B,) at other bearings ``onto``, (b,) rad, by the walls between its beams."""
-    given = np.asarray(ranges, dtype=np.float32)
+    scan = np.asarray(ranges, dtype=np.float32)
     angles = array("bearings", bearings, (None,)) if np.size(bearings) else np.empty(0)
-    if given.shape != angles.shape:
+    if scan.shape != angles.shape:
         raise InputError(
-            f"the scan has {given.size} ranges and {angles.size} bearings: give one for each."
+            f"the scan has {scan.size} ranges and {angles.size} bearings: give one for each."
         )
-    if not given.size:
+    if not scan.size:
         return np.full(onto.size, np.nan, np.float32)
-    seen: Singles = _seen_at(given[None], angles, onto)[0][0]
+    seen: Singles = _seen_at(scan[None], angles, onto)[0][0]
     return seen
 
 
@@ -188,7 +188,7 @@ def no_return_codes(ranges: Singles) -> tuple[list[float], list[float]]:
 
 def _codes(values: list[float], counts: Indices, ranges: Singles) -> list[float]:
     """Return the codes among values of ranges, counted from their end on."""
-    found: list[float] = []
+    codes: list[float] = []
     beyond, total = 0, ranges.size
     several = max(2.0, _DIRECTIONS * ranges.shape[1])  # one beam at a wall as the robot stands
     for at, (value, count) in enumerate(zip(values[:_DEEPEST], counts.tolist(), strict=False)):
@@ -197,10 +197,10 @@ def _codes(values: list[float], counts: Indices, ranges: Singles) -> list[float]
             break
         stands_out = count >= _CODE * total and count >= _STANDS_OUT * float(np.median(rest))
         if stands_out and (ranges == value).any(axis=0).sum() >= several:
-            found.append(value)
+            codes.append(value)
         else:
             beyond += count
-    return found
+    return codes
 
 
 def dropped_words(ranges: Singles, limits: Sequence[float], unit: str) -> str | None:

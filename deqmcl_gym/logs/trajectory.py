@@ -56,26 +56,26 @@ class Trajectory:
     def _sound_covariances(self, given: ArrayLike) -> Floats:
         """Return covariances (n, 3, 3), NaN where no distribution has them; tell how many."""
         n = self.times.size
-        found = np.array(real(f"covariances of {self.source}", given), dtype=np.float64)
-        if found.shape != (n, 3, 3):
+        sound = np.array(real(f"covariances of {self.source}", given), dtype=np.float64)
+        if sound.shape != (n, 3, 3):
             raise InputError(
-                f"covariances of {self.source} have shape {found.shape}, but must be {(n, 3, 3)}."
+                f"covariances of {self.source} have shape {sound.shape}, but must be {(n, 3, 3)}."
             )
-        known = (np.abs(found) <= LARGEST).all(axis=(1, 2))
-        found[~known] = np.nan
-        size = np.abs(found[known]).max(axis=(1, 2), initial=0.0)
-        apart = np.abs(found[known] - found[known].transpose(0, 2, 1)).max(axis=(1, 2), initial=0)
-        least = np.linalg.eigvalsh(found[known])[:, 0]
-        wrong = (apart > _ROUNDING * size) | (least < -_ROUNDING * size)
-        wrong |= (np.diagonal(found[known], axis1=1, axis2=2) == 0).any(axis=1)
-        found[np.flatnonzero(known)[wrong]] = np.nan
+        known = (np.abs(sound) <= LARGEST).all(axis=(1, 2))
+        sound[~known] = np.nan
+        size = np.abs(sound[known]).max(axis=(1, 2), initial=0.0)
+        skew = np.abs(sound[known] - sound[known].transpose(0, 2, 1)).max(axis=(1, 2), initial=0)
+        least = np.linalg.eigvalsh(sound[known])[:, 0]
+        wrong = (skew > _ROUNDING * size) | (least < -_ROUNDING * size)
+        wrong |= (np.diagonal(sound[known], axis1=1, axis2=2) == 0).any(axis=1)
+        sound[np.flatnonzero(known)[wrong]] = np.nan
         if wrong.any():
             tell(
                 f"{self.source}: {int(wrong.sum()):,} of {wrong.size:,} covariances count as "
                 "unknown: they are not symmetric with eigenvalues of 0 or more, or have a variance "
                 "of 0."
             )
-        return found
+        return sound
 
     def spread_at(self, at: Indices) -> Floats | None:
         """Return the covariances of poses by index, NaN unknown; None without any."""
@@ -157,8 +157,8 @@ def sound_poses(
     sound = raw_records.usable(rows)
     if not sound.all():
         damage[raw_records.NOT_FINITE] += int((~sound).sum())
-    kept = np.flatnonzero(sound)
-    if not kept.size:
+    indices = np.flatnonzero(sound)
+    if not indices.size:
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""
         times = rows[np.isfinite(rows[:, 0]), 0]
         usual = float(np.median(times)) if times.size else 0.0
@@ -169,11 +169,11 @@ def sound_poses(
             f"{source} has no usable pose{why}: each needs a time and finite x, "
             "y and heading; a TUM trajectory has lines t x y z qx qy qz qw."
         )
-    kept = kept[raw_records.ascending(rows[kept, 0], damage)]
+    indices = indices[raw_records.ascending(rows[indices, 0], damage)]
     if damage:
-        tell(f"{source}: {said_of_skipped(damage, kept.size)}.")
-    spread = None if covariances is None else covariances[kept]
-    return Trajectory(rows[kept, 0], rows[kept, 1:], source, spread)
+        tell(f"{source}: {said_of_skipped(damage, indices.size)}.")
+    spread = None if covariances is None else covariances[indices]
+    return Trajectory(rows[indices, 0], rows[indices, 1:], source, spread)
 
 
 def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajectory:
@@ -260,15 +260,15 @@ def referenced(
             or by odometry, or farther; None is 2 m.
         tolerance: s by which a pose may be off the time of its record; see ``tolerance_of``.
     """
-    apart = MAX_GAP / PIXELS["m"] * PIXELS[log.unit] if max_gap is None else max_gap
-    number("max_gap", apart, low=0, finite=False)
+    gap = MAX_GAP / PIXELS["m"] * PIXELS[log.unit] if max_gap is None else max_gap
+    number("max_gap", gap, low=0, finite=False)
     trajectory = reference if isinstance(reference, Trajectory) else read_tum(reference)
     times, poses = trajectory.times, trajectory.poses
     inside = (log.times >= times[0]) & (log.times <= times[-1])
     at = np.searchsorted(times, log.times)
     count = np.searchsorted(times, log.times, side="right") - at
     turn = np.arange(len(log)) - np.searchsorted(log.times, log.times)  # among those of its time
-    exact, own = count > 0, at + np.minimum(turn, count - 1)
+    exact, matches = count > 0, at + np.minimum(turn, count - 1)
     nearest, off = nearest_in_time(times, log.times)
     close = off <= tolerance_of(log, tolerance)
     then = between(log.times, log.odometry, times[nearest])
@@ -277,14 +277,14 @@ def referenced(
     before = after - 1
     after = np.minimum(after, times.size - 1)
     gone = np.interp(times, log.times, log.driven)
-    near = np.hypot(*(poses[after] - poses[before])[:, :2].T) < apart
-    near &= gone[after] - gone[before] < apart  # a robot may come back to where it was
+    near = np.hypot(*(poses[after] - poses[before])[:, :2].T) < gap
+    near &= gone[after] - gone[before] < gap  # a robot may come back to where it was
     among = inside & near & ~exact
     if not (exact | close | among).any():
         if inside.any():
             raise InputError(
                 f"the poses of the reference {trajectory.source} around the records of "
-                f"{log.source} are {apart:g} {log.unit} apart or farther, which is max_gap: give a "
+                f"{log.source} are {gap:g} {log.unit} apart or farther, which is max_gap: give a "
                 "larger one."
             )
         raise InputError(
@@ -293,13 +293,13 @@ def referenced(
             "reference pose, so give the reference of this log, with the same clock."
         )
     first, last = before[among], after[among]
-    here, whole, share = _travelled(log, times, among, first, last)
+    part, whole, share = _travelled(log, times, among, first, last)
     missed = relative(poses[first], poses[last]) - whole
     missed[:, 2] = arrays.wrapped(missed[:, 2])
-    found = np.full((len(log), 3), np.nan)
-    found[close], found[exact] = moved[close], poses[own[exact]]
-    found[among] = composed(poses[first], here + share[:, None] * missed)
-    done = replace(log, reference=found, interpolated=among & ~close)
+    truth = np.full((len(log), 3), np.nan)
+    truth[close], truth[exact] = moved[close], poses[matches[exact]]
+    truth[among] = composed(poses[first], part + share[:, None] * missed)
+    done = replace(log, reference=truth, interpolated=among & ~close)
     raw_records.warn_of_few(done, trajectory.source)
     jumps = np.flatnonzero(jumps_in(times, poses, log.unit))
     if jumps.size:
@@ -320,25 +320,25 @@ def with_own_reference(
 
     These are messages of their own, with stamps of their own: see ``referenced``.
     """
-    given = np.asarray(rows, dtype=np.float64).reshape(-1, 4)
-    if not len(given):
+    poses = np.asarray(rows, dtype=np.float64).reshape(-1, 4)
+    if not len(poses):
         return log
-    return referenced(log, sound_poses(given, log.source, Counter()), max_gap, tolerance)
+    return referenced(log, sound_poses(poses, log.source, Counter()), max_gap, tolerance)
 
 
 def _travelled(
-    log: Log, times: Floats, known: Bools, first: Indices, last: Indices
+    log: Log, times: Floats, among: Bools, first: Indices, last: Indices
 ) -> tuple[Floats, Floats, Floats]:
-    """Return odometry at record and ``last`` seen from the ``first``, and share of the way."""
+    """Return the odometry at records and ``last``, seen from ``first``, and share of the way."""
     x, y, heading = log.odometry.T
     elapsed = log.way + 1e-9 * (log.times - log.times[0])  # grows a little while it stands still
     columns = (x, y, np.unwrap(heading), elapsed)
     *at, way = (np.interp(times, log.times, column) for column in columns)
     odometry = np.column_stack(at)
-    here = relative(odometry[first], log.odometry[known])
+    part = relative(odometry[first], log.odometry[among])
     whole = relative(odometry[first], odometry[last])
     beyond = (times[first] < log.times[0]) | (times[last] > log.times[-1])
-    here[beyond] = whole[beyond] = 0.0
-    gone = np.where(beyond, log.times[known] - times[first], elapsed[known] - way[first])
+    part[beyond] = whole[beyond] = 0.0
+    gone = np.where(beyond, log.times[among] - times[first], elapsed[among] - way[first])
     length = np.where(beyond, times[last] - times[first], way[last] - way[first])
-    return here, whole, np.divide(gone, length, out=np.zeros_like(length), where=length > 0)
+    return part, whole, np.divide(gone, length, out=np.zeros_like(length), where=length > 0)

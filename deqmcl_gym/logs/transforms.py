@@ -83,11 +83,11 @@ class Transforms:
 
     def add(self, sent: Sent, message: Any) -> None:
         """Add the transforms of a message."""
-        for one in message.transforms:
-            edge = frame_name(one.header.frame_id), frame_name(one.child_frame_id)
+        for tf in message.transforms:
+            edge = frame_name(tf.header.frame_id), frame_name(tf.child_frame_id)
             edges = self._edges.setdefault(sent.topic.rpartition("/")[0], {})
             rows = edges.setdefault(edge, PoseRows()).rows
-            row = _row(sent, one.header, one.transform.translation, one.transform.rotation)
+            row = _row(sent, tf.header, tf.transform.translation, tf.transform.rotation)
             if np.isfinite(row[4:]).all() and np.linalg.norm(row[7:]) > 0:
                 if sent.topic.endswith("/tf_static"):  # the last one counts, as for tf
                     rows.clear()
@@ -98,7 +98,7 @@ class Transforms:
 
         With those of no namespace; all, if there are none of either.
         """
-        namespaces = [one for one in self._edges if one == "" or topic.startswith(f"{one}/")]
+        namespaces = [name for name in self._edges if name == "" or topic.startswith(f"{name}/")]
         if not namespaces and len(self._edges) > 1:
             tell(
                 f"{topic} is of none of the robots whose transforms are there, "
@@ -150,7 +150,7 @@ class Frames:
             if rows.rows and base_frame in (None, edge[1]) and odometry_frame in (None, edge[0])
         ]
         moving = [edge for edge in edges if edge in self.moving]
-        in_odom = [one for one in edges if odometry_frame or _last(one[0]) == ODOMETRY_FRAME]
+        in_odom = [edge for edge in edges if odometry_frame or _last(edge[0]) == ODOMETRY_FRAME]
         # a dock may stand in odom, too
         from_odom = [edge for edge in in_odom if edge in moving] or in_odom
         above = [edge for edge in self._above(scan_frame) if edge in moving]
@@ -159,7 +159,7 @@ class Frames:
         if not from_odom and above and above[0][0] != MAP_FRAME:
             from_odom = above[:1]
         if not from_odom:
-            listed = ", ".join(f"{one} to {other}" for one, other in moving) or "none"
+            listed = ", ".join(f"{parent} to {child}" for parent, child in moving) or "none"
             raise InputError(
                 f"{name} has no odometry: give the topic of a {ODOMETRY} by odometry_topic"
                 f"{like('odometry_topic', '/odom')}, or by odometry_frame the frame from which "
@@ -172,20 +172,20 @@ class Frames:
     def _above(self, frame: str) -> list[Edge]:
         """Return the edges from a frame up to the root."""
         parents = {child: (parent, child) for parent, child in self.edges}
-        found: list[Edge] = []
-        while frame in parents and parents[frame] not in found:
-            found.append(parents[frame])
+        edges: list[Edge] = []
+        while frame in parents and parents[frame] not in edges:
+            edges.append(parents[frame])
             frame = parents[frame][0]
-        return found
+        return edges
 
     def mounted(self, name: str, base: str, frame: str, beams: int) -> Mount:
         """Return where the scanner of a frame is mounted on the robot, seen from above.
 
         By the mean of transforms that rock, as on springs; their spread is told.
         """
-        scanner, remedy = self._known(frame), f"mounting{like('mounting', '[x,y,turn]')}"
+        scanner, remedy = self._resolved(frame), f"mounting{like('mounting', '[x,y,turn]')}"
         no_place = f"{name} has no static transform from {base} to {frame}"
-        chain, spread = self._chain(self._known(base), scanner)
+        chain, spread = self._chain(self._resolved(base), scanner)
         root = scanner  # the highest frame that it does not move against
         for edge in self._above(scanner):
             if edge in self.moving or not self.edges[edge].rows:
@@ -221,7 +221,7 @@ class Frames:
         x, y = chain[:2, 3].tolist()
         return Mount(x=x, y=y, heading=turn, upside_down=bool(up < 0), beams=beams)
 
-    def _known(self, frame: str) -> str:
+    def _resolved(self, frame: str) -> str:
         """Return a frame as transforms call it: with a prefix that only they have, or without."""
         names = {name for edge in self.edges for name in edge}
         alike = [name for name in names if _last(name) == _last(frame)]
@@ -232,15 +232,15 @@ class Frames:
         steps: dict[str, list[tuple[str, Floats, Floats]]] = {}
         for (parent, child), rows in self.edges.items():
             if (place := _place(rows)) is not None:
-                there, spread = place
-                steps.setdefault(parent, []).append((child, there, spread))
-                back = np.linalg.inv(there).astype(np.float64)
+                transform, spread = place
+                steps.setdefault(parent, []).append((child, transform, spread))
+                back = np.linalg.inv(transform).astype(np.float64)
                 steps.setdefault(child, []).append((parent, back, spread))
         reached, queue = {base: (np.eye(4), np.zeros(3))}, [base]
-        for here in queue:
-            for next_name, step, spread in steps.get(here, ()):
+        for name in queue:
+            for next_name, step, spread in steps.get(name, ()):
                 if next_name not in reached:
-                    matrix, squares = reached[here]
+                    matrix, squares = reached[name]
                     reached[next_name] = (matrix @ step, squares + spread**2)
                     queue.append(next_name)
         if frame not in reached:
@@ -272,9 +272,9 @@ def only_frame(frames: Iterable[str], where: str) -> str:
     """Return the only one of some frames."""
     first, *others = sorted(frames)
     if others:
-        said = ", ".join([first, *others])
+        listed = ", ".join([first, *others])
         by = f"base_frame{like('base_frame', first)}"
-        raise InputError(f"{where} has the poses of several frames, {said}: choose by {by}.")
+        raise InputError(f"{where} has the poses of several frames, {listed}: choose by {by}.")
     return first
 
 

@@ -270,9 +270,9 @@ def feasible(
 def copy_columns(rows: Singles, first: int, out: Singles) -> None:
     """Fill in the columns from ``first`` on of rows that are contiguous, (3, n)."""
     for row in range(3):
-        given, taken = rows[row, first : first + out.shape[1]], out[row]
-        for i in range(taken.size):
-            taken[i] = given[i]
+        source, target = rows[row, first : first + out.shape[1]], out[row]
+        for i in range(target.size):
+            target[i] = source[i]
 
 
 @compiled
@@ -381,5 +381,5 @@ def to_nearest(marked: Bools) -> Singles:
     if not marked.any():
         return np.full(marked.shape, np.inf, np.float32)
     elsewhere = np.ascontiguousarray(~marked, np.uint8)
-    found = cv2.distanceTransform(elsewhere, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(found, np.float32)
+    nearest = cv2.distanceTransform(elsewhere, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(nearest, np.float32)

@@ -32,25 +32,25 @@ def remembered(
 ) -> T:
     """Return ``made`` of a map file, or the last result if the files have not changed."""
     yaml_path = Path(os.path.abspath(_path(path)))
-    said = _document(yaml_path)
-    image: Path = yaml_path.parent / said["image"]
+    content = _document(yaml_path)
+    image: Path = yaml_path.parent / content["image"]
     if not os.path.isfile(image):  # False for a name that is too long
         raise InputError(
-            f"the map {yaml_path} names the image {said['image']}, but there is no file {image}."
+            f"the map {yaml_path} names the image {content['image']}, but there is no file {image}."
         )
     stat = image.stat()  # the inode is another's if a link now leads elsewhere
     file = stat.st_dev, stat.st_ino, stat.st_ctime_ns, stat.st_mtime_ns, stat.st_size
-    key = (yaml_path, repr(said), file, repr(unknown))
-    found: T | None = _remembered.get(key)
-    if found is None:
+    key = (yaml_path, repr(content), file, repr(unknown))
+    result: T | None = _remembered.get(key)
+    if result is None:
         try:
-            found = made(_read(said, image))
+            result = made(_read(content, image))
         except InputError as error:
             raise InputError(f"the map {yaml_path}: {error}") from None
         while len(_remembered) >= _KEPT:
             _remembered.pop(next(iter(_remembered)), None)  # another thread may have done so
-        _remembered[key] = found
-    return found
+        _remembered[key] = result
+    return result
 
 
 def check_thresholds(free: Any, occupied: Any) -> None:
@@ -92,8 +92,8 @@ def write_map(
     rows, columns = pixels.shape
     try:
         write_bytes(image, f"P5\n{columns} {rows}\n255\n".encode() + pixels.tobytes())
-        said = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
-        write_bytes(yaml_path, said.encode())
+        text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+        write_bytes(yaml_path, text.encode())
     except OSError as error:
         raise InputError(
             f"the map cannot be written to {yaml_path} ({error.strerror or error}): name a file in "
@@ -129,29 +129,29 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     origin = given["origin"]
     if not isinstance(origin, list) or len(origin) != 3:
         raise InputError(f"origin is {origin!r}, but must be [x, y, yaw].")
-    said = {key: as_number(given[key]) for key in ("resolution", "occupied_thresh", "free_thresh")}
-    number("resolution", said["resolution"], low=0, above=True)
-    check_thresholds(said["free_thresh"], said["occupied_thresh"])
+    numbers = {k: as_number(given[k]) for k in ("resolution", "occupied_thresh", "free_thresh")}
+    number("resolution", numbers["resolution"], low=0, above=True)
+    check_thresholds(numbers["free_thresh"], numbers["occupied_thresh"])
     return {
         "image": given["image"],
         "mode": one_of("mode", given.get("mode", "trinary"), MODES),
         "negate": bool(negate),
         "origin": pose("origin", [as_number(part) for part in origin]),
-        **said,
+        **numbers,
     }
 
 
-def _read(said: dict[str, Any], image: Path) -> dict[str, Any]:
+def _read(content: dict[str, Any], image: Path) -> dict[str, Any]:
     """Return the arguments of a ``GridMap``."""
     pixels = _pixels_of(image)
-    rule = said["mode"], said["negate"], said["free_thresh"], said["occupied_thresh"]
+    rule = content["mode"], content["negate"], content["free_thresh"], content["occupied_thresh"]
     most, cells = np.iinfo(pixels.dtype).max, np.empty(pixels.shape[:2], np.int8)
     rows = max(_BLOCK // pixels[0].size, 1)  # at a time: shades take eight bytes or more
     for first in range(0, len(pixels), rows):
         part = slice(first, first + rows)
         cells[part] = _occupancy(pixels[part] / most, *rule)
-    kept = ("resolution", "origin", "occupied_thresh", "free_thresh")
-    return {"occupancy": cells[::-1], **{key: said[key] for key in kept}}
+    keys = ("resolution", "origin", "occupied_thresh", "free_thresh")
+    return {"occupancy": cells[::-1], **{key: content[key] for key in keys}}
 
 
 def _pixels_of(path: Path) -> NDArray[Any]:
@@ -172,8 +172,8 @@ def _pixels_of(path: Path) -> NDArray[Any]:
         raise
     except (OSError, ValueError, SyntaxError, EOFError) as error:
         raise InputError(f"the image {path} is broken: {str(error).rstrip('.')}.") from None
-    kept = pixels if pixels.dtype == np.uint8 else pixels.astype(np.uint16)
-    return kept.reshape(*pixels.shape[:2], -1)
+    values = pixels if pixels.dtype == np.uint8 else pixels.astype(np.uint16)
+    return values.reshape(*pixels.shape[:2], -1)
 
 
 def _opened(path: Path) -> Any:

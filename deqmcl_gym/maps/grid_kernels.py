@@ -339,11 +339,11 @@ def _swept_clear(u: float, v: float, du: float, dv: float, radius: float, reach:
                     first = min(first, side_u, side_u + du)
                     last = max(last, side_u, side_u + du)
             else:
-                one, two = (row - side_v) / dv, (row + 1.0 - side_v) / dv
-                enter, leave = max(min(one, two), 0.0), min(max(one, two), 1.0)
+                bottom, top = (row - side_v) / dv, (row + 1.0 - side_v) / dv
+                enter, leave = max(min(bottom, top), 0.0), min(max(bottom, top), 1.0)
                 if enter <= leave:
-                    one, two = side_u + enter * du, side_u + leave * du
-                    first, last = min(first, one, two), max(last, one, two)
+                    from_u, to_u = side_u + enter * du, side_u + leave * du
+                    first, last = min(first, from_u, to_u), max(last, from_u, to_u)
         column, end_column = int(np.ceil(first)) - 1, int(np.floor(last))
         while column <= end_column:
             if reach[row, column] == 0:
@@ -398,8 +398,8 @@ def _meets_box(
             if not least <= at <= most:
                 return np.inf
         else:
-            one, two = (least - at) / way, (most - at) / way
-            enter, leave = max(enter, min(one, two)), min(leave, max(one, two))
+            to_least, to_most = (least - at) / way, (most - at) / way
+            enter, leave = max(enter, min(to_least, to_most)), min(leave, max(to_least, to_most))
     return enter if enter <= leave else np.inf
 
 

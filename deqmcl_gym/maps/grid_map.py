@@ -56,8 +56,8 @@ class GridMap(Map):
         if isinstance(self.unknown, str):
             one_of("value of unknown", self.unknown, _SHARES)
         else:
-            words = " nor ".join(f'"{word}"' for word in _SHARES)
-            number(f"unknown, if it is neither {words},", self.unknown, low=0, high=1)
+            names = " nor ".join(f'"{word}"' for word in _SHARES)
+            number(f"unknown, if it is neither {names},", self.unknown, low=0, high=1)
         keep_plain(self)
         self._check_resolved()
         if self.solid.all():
@@ -170,19 +170,19 @@ class GridMap(Map):
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the map's content."""
-        said = repr((self.occupancy.shape, self.resolution, self.origin, self.unknown))
+        header = repr((self.occupancy.shape, self.resolution, self.origin, self.unknown))
         thresholds = repr((self.free_thresh, self.occupied_thresh))
-        return sha256((said + thresholds).encode() + self.occupancy.tobytes()).hexdigest()
+        return sha256((header + thresholds).encode() + self.occupancy.tobytes()).hexdigest()
 
     @cached_property
     def cells(self) -> tuple[Any, ...]:
         """The reach of each cell, ``fill_runs`` up and down, and the frame: to drive in kernels."""
         return (self._reach, *self._runs, self._frame)
 
-    def _rows(self, given: NDArray[Any]) -> NDArray[Any]:
+    def _rows(self, points: NDArray[Any]) -> NDArray[Any]:
         # float32 or float64: far from 0 both matter
-        dtype = given.dtype if given.dtype in (np.float32, np.float64) else np.float64
-        return given.astype(dtype, order="F", copy=False).T
+        dtype = points.dtype if points.dtype in (np.float32, np.float64) else np.float64
+        return points.astype(dtype, order="F", copy=False).T
 
     def _open(self, centres: NDArray[Any]) -> Bools:
         us, vs = np.empty((2, centres.shape[1]))
@@ -235,11 +235,11 @@ class GridMap(Map):
     def _at_least_occupied(self, unknown: float) -> Bools:
         """Which cells have an occupancy of ``occupied_thresh``, if that of unknown ones is this."""
         least = int(np.argmax(np.arange(OCCUPIED + 1) / OCCUPIED >= self.occupied_thresh))
-        found = self.occupancy >= least
+        occupied = self.occupancy >= least
         if unknown >= self.occupied_thresh:
-            found |= self.occupancy == UNKNOWN
-        found.setflags(write=False)
-        return found
+            occupied |= self.occupancy == UNKNOWN
+        occupied.setflags(write=False)
+        return occupied
 
     @cached_property
     def _runs(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
@@ -294,9 +294,9 @@ def _occupancy(given: Any) -> NDArray[np.int8]:
             f"occupancy has values from {low} to {high}, but must be {FREE} (free) to {OCCUPIED} "
             f"(occupied) or {UNKNOWN} (unknown)."
         )
-    kept = np.array(cells, dtype=np.int8, order="C")
-    kept.setflags(write=False)
-    return kept
+    occupancy = np.array(cells, dtype=np.int8, order="C")
+    occupancy.setflags(write=False)
+    return occupancy
 
 
 def _faces_of(solid: Bools) -> Floats:

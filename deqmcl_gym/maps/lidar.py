@@ -70,11 +70,11 @@ class Mount:
 
     def hides(self, bearings: Floats) -> Bools:
         """Return which beams, by their angles against the robot's heading, are blind, (B,)."""
-        own = bearings - self.heading
-        own = -own if self.upside_down else own
-        hidden = np.zeros(own.shape, np.bool_)
+        angles = bearings - self.heading
+        angles = -angles if self.upside_down else angles
+        hidden = np.zeros(angles.shape, np.bool_)
         for low, high in self.blind:
-            hidden |= np.mod(own - low + _SLACK, _TURN) <= np.mod(high - low, _TURN) + 2 * _SLACK
+            hidden |= np.mod(angles - low + _SLACK, _TURN) <= np.mod(high - low, _TURN) + 2 * _SLACK
         return hidden
 
 
@@ -121,17 +121,17 @@ class Lidar:
                 f"lidar.mounting is {self.mounting} and lidar.mounts has {len(self.mounts)}: give "
                 "only one of them."
             )
-        told = [one.beams for one in self.mounts if one.beams is not None]
+        counts = [mount.beams for mount in self.mounts if mount.beams is not None]
         each = len(self.mounts)
-        if not told and self.beams % each:
+        if not counts and self.beams % each:
             raise InputError(
                 f"lidar.beams is {self.beams}, but must be a multiple of {each}, the number of its "
                 "mounts, unless each mount has its own beams."
             )
-        if told and (len(told) != each or sum(told) != self.beams):
+        if counts and (len(counts) != each or sum(counts) != self.beams):
             raise InputError(
                 f"lidar.beams is {self.beams} and its {each} mounts have "
-                f"{', '.join(map(str, told))}: give beams to none or to all, with the sum as "
+                f"{', '.join(map(str, counts))}: give beams to none or to all, with the sum as "
                 "lidar.beams."
             )
 
@@ -144,21 +144,21 @@ class Lidar:
         if not self.mounts:
             return _fan(self.beams, self.field_of_view)
         fans = [
-            one.seen(_fan(rows.stop - rows.start, self.field_of_view))
-            for one, rows in zip(self.mounts, self.rows, strict=True)
+            mount.seen(_fan(rows.stop - rows.start, self.field_of_view))
+            for mount, rows in zip(self.mounts, self.rows, strict=True)
         ]
         return np.concatenate(fans)
 
     @cached_property
     def places(self) -> tuple[Point, ...]:
         """Where on the robot the rays start, a place for each mount."""
-        return tuple((one.x, one.y) for one in self.mounts) or (self.mounting,)
+        return tuple((mount.x, mount.y) for mount in self.mounts) or (self.mounting,)
 
     @cached_property
     def rows(self) -> tuple[slice, ...]:
         """The beams of each of ``places``."""
         share = self.beams // max(len(self.mounts), 1)
-        counts = [one.beams or share for one in self.mounts] or [self.beams]
+        counts = [mount.beams or share for mount in self.mounts] or [self.beams]
         ends = np.cumsum(counts).tolist()
         return tuple(slice(end - count, end) for end, count in zip(ends, counts, strict=True))
 
@@ -166,8 +166,8 @@ class Lidar:
     def blind(self) -> Bools:
         """Which beams lie in a blind sector of their mount, (beams,)."""
         hidden, bearings = np.zeros(self.beams, np.bool_), self._bearings
-        for one, rows in zip(self.mounts, self.rows, strict=False):
-            hidden[rows] = one.hides(bearings[rows])
+        for mount, rows in zip(self.mounts, self.rows, strict=False):
+            hidden[rows] = mount.hides(bearings[rows])
         return hidden
 
     @cached_property
@@ -191,13 +191,13 @@ class Lidar:
 
         Poses are the robot's, (3, n); ``used`` says which beams are, (beams,); None: all.
         """
-        found, end = [], 0
+        fans, end = [], 0
         for place, rows in zip(self.places, self.rows, strict=True):
             size = rows.stop - rows.start if used is None else int(np.count_nonzero(used[rows]))
             starts = poses if place == CENTRE else _moved(poses, place)
-            found.append((starts, slice(end, end + size)))
+            fans.append((starts, slice(end, end + size)))
             end += size
-        return found
+        return fans
 
     def cast(self, caster: Caster, poses: Singles, out: Singles, used: Bools | None = None) -> None:
         """Fill in the exact ranges of robots at ``poses`` (3, n) float32, (b, n).

@@ -49,21 +49,21 @@ def metre(unit: str) -> float:
 def scaled(part: T, factor: float) -> T:
     """Return a frozen dataclass with its lengths, nested ones too, multiplied by ``factor``."""
     changes: dict[str, Any] = {}
-    for own in dataclasses.fields(part):  # type: ignore[arg-type]
-        value = getattr(part, own.name)
+    for field in dataclasses.fields(part):  # type: ignore[arg-type]
+        value = getattr(part, field.name)
         if dataclasses.is_dataclass(value):
-            changes[own.name] = scaled(value, factor)
+            changes[field.name] = scaled(value, factor)
         elif isinstance(value, tuple) and all(map(dataclasses.is_dataclass, value)):
-            changes[own.name] = tuple(scaled(one, factor) for one in value)
-        elif value is not None and (power := own.metadata.get("length")):
-            changes[own.name] = _times(value, power, factor)
+            changes[field.name] = tuple(scaled(item, factor) for item in value)
+        elif value is not None and (power := field.metadata.get("length")):
+            changes[field.name] = _times(value, power, factor)
     return dataclasses.replace(part, **changes)  # type: ignore[type-var]
 
 
 def _times(value: Any, power: Any, factor: float) -> Any:
     if isinstance(value, tuple):
         powers = power if isinstance(power, tuple) else (power,) * len(value)
-        return tuple(_times(one, p, factor) for one, p in zip(value, powers, strict=True))
+        return tuple(_times(length, p, factor) for length, p in zip(value, powers, strict=True))
     for _ in range(abs(power)):
         value = value * factor if power > 0 else value / factor
     return value
@@ -195,9 +195,9 @@ class Map:
         """Return points (n, 2+) as rows x, y."""
         return self._rows(table(what, points, 2)[:, :2])
 
-    def _rows(self, given: NDArray[Any]) -> NDArray[Any]:
+    def _rows(self, points: NDArray[Any]) -> NDArray[Any]:
         """Return (n, d) as contiguous rows (d, n) for kernels, without a copy if possible."""
-        return np.asarray(given, dtype=np.float32, order="F").T
+        return np.asarray(points, dtype=np.float32, order="F").T
 
     def _open(self, centres: NDArray[Any]) -> Bools:
         """Whether points (2, n) are in free space, (n,)."""

@@ -77,14 +77,14 @@ class Offices:
     office: Office  # all values but the seed
 
     def __post_init__(self) -> None:
-        given = self.seeds
-        if not isinstance(given, list | tuple) or len(given) != 2:
+        seeds = self.seeds
+        if not isinstance(seeds, list | tuple) or len(seeds) != 2:
             raise InputError(
-                f"office.seeds is {shown(given)}, but must be two seeds, such as [0, 1000]: the "
+                f"office.seeds is {shown(seeds)}, but must be two seeds, such as [0, 1000]: the "
                 "first one, and the end of the range, which is not in it."
             )
-        first = integer("the first of office.seeds", given[0], high=2**63 - 2)
-        end = integer("the end of office.seeds", given[1], low=first + 1, high=2**63 - 1)
+        first = integer("the first of office.seeds", seeds[0], high=2**63 - 2)
+        end = integer("the end of office.seeds", seeds[1], low=first + 1, high=2**63 - 1)
         object.__setattr__(self, "seeds", (first, end))
 
     def map(self, seed: int) -> GridMap:

@@ -183,13 +183,13 @@ class PolygonMap(Map):
         limits = _ZERO_LENGTH * pixel(self.unit), _FARTHEST * pixel(self.unit)
         object.__setattr__(self, "outer", parse_polygon("the outer wall", self.outer, *limits))
         try:
-            given = enumerate(self.obstacles)
+            numbered = enumerate(self.obstacles)
         except TypeError:
             raise InputError(
                 f"obstacles is {shown(self.obstacles)}, but must be a list of polygons; () for "
                 "none."
             ) from None
-        solid = tuple(parse_polygon(f"obstacle {i}", o, *limits) for i, o in given)
+        solid = tuple(parse_polygon(f"obstacle {i}", o, *limits) for i, o in numbered)
         object.__setattr__(self, "obstacles", solid)
         if not _has_free_space(self.walls, self.bounds, limits[0]):
             raise InputError(
@@ -253,11 +253,11 @@ class PolygonMap(Map):
     @cached_property
     def _sorted_walls(self) -> tuple[Singles, ...]:
         """An ``AllWalls``: walls along an axis need less arithmetic."""
-        room, found = as_box(self.outer), [as_box(polygon) for polygon in self.obstacles]
-        polygons = zip((self.outer, *self.obstacles), (room, *found), strict=True)
+        room, inner = as_box(self.outer), [as_box(polygon) for polygon in self.obstacles]
+        polygons = zip((self.outer, *self.obstacles), (room, *inner), strict=True)
         edges = [oriented_edges(polygon, solid=True) for polygon, box in polygons if box is None]
         walls = np.vstack([np.empty((0, 4)), *edges])
-        boxes = np.array([box for box in found if box is not None] or [NO_BOX], np.float32)
+        boxes = np.array([box for box in inner if box is not None] or [NO_BOX], np.float32)
         x0, y0, x1, y1 = walls.T
         upright, level, overlap = x0 == x1, y0 == y1, OVERLAP * pixel(self.unit)
         low_x, high_x = np.minimum(x0, x1) - overlap, np.maximum(x0, x1) + overlap
@@ -285,11 +285,11 @@ def _singles(columns: list[Floats]) -> Singles:
 def read_polygons(path: str | os.PathLike[str]) -> PolygonMap:
     """Read a map."""
     with refusing(f"the map file {path}"):
-        given = json_of(content_of(Path(os.path.expanduser(path))))
+        content = json_of(content_of(Path(os.path.expanduser(path))))
     try:
-        for key in given:
+        for key in content:
             one_of("key", key, KEYS)
-        return of_mapping(given)
+        return of_mapping(content)
     except InputError as error:
         raise InputError(f"the map {path}: {error}") from None
 

@@ -318,7 +318,7 @@ def cast_among(
     sincos32(bearings, beam_sine, beam_cosine)
     x, y = np.empty(_LANES, np.float32), np.empty(_LANES, np.float32)
     dx, dy = np.empty(_LANES, np.float32), np.empty(_LANES, np.float32)
-    found = np.empty(_LANES, np.float32)
+    ranges = np.empty(_LANES, np.float32)
     beam, pose = 0, 0  # of the next ray: all poses of a beam, then those of the next one
     while beam < beams and n > 0:
         first_beam, first_pose, lane = beam, pose, 0
@@ -334,10 +334,10 @@ def cast_among(
             lane, pose = lane + stretch, pose + stretch
             if pose == n:
                 beam, pose = beam + 1, 0
-        _trace(x[:lane], y[:lane], dx[:lane], dy[:lane], reach, endless, found)
+        _trace(x[:lane], y[:lane], dx[:lane], dy[:lane], reach, endless, ranges)
         beam, pose = first_beam, first_pose
         for k in range(lane):
-            out[beam, pose] = found[k] * side if on[pose] else np.float32(np.nan)
+            out[beam, pose] = ranges[k] * side if on[pose] else np.float32(np.nan)
             pose += 1
             if pose == n:
                 beam, pose = beam + 1, 0
@@ -390,19 +390,19 @@ def _trace(
                 t[i] = way if m > _ZERO else t[i]
                 column[i] = new_column if m > _ZERO else column[i]
                 row[i] = new_row if m > _ZERO else row[i]
-        kept = 0
+        count = 0
         for i in range(left):
             stays = reached[i] > _ZERO
             if endless and not stays:
                 across = (column[i] == _ZERO) | (column[i] == last_column)
                 t[i] = _INF if across | (row[i] == _ZERO) | (row[i] == last_row) else t[i]
             out[who[i]] = t[i]
-            x[kept], y[kept], dx[kept], dy[kept] = x[i], y[i], dx[i], dy[i]
-            per_dx[kept], per_dy[kept] = per_dx[i], per_dy[i]
-            right[kept], up[kept] = right[i], up[i]
-            column[kept], row[kept], t[kept], who[kept] = column[i], row[i], t[i], who[i]
-            kept += stays
-        left = kept
+            x[count], y[count], dx[count], dy[count] = x[i], y[i], dx[i], dy[i]
+            per_dx[count], per_dy[count] = per_dx[i], per_dy[i]
+            right[count], up[count] = right[i], up[i]
+            column[count], row[count], t[count], who[count] = column[i], row[i], t[i], who[i]
+            count += stays
+        left = count
 
 
 @compiled

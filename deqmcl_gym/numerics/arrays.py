@@ -20,9 +20,9 @@ def _of_arrays(loop: Callable[..., None]) -> Callable[..., Floats]:
     kernel = compiled(loop)
 
     def function(*arguments: ArrayLike) -> Floats:
-        given = [np.ascontiguousarray(values, dtype=np.float64) for values in arguments]
+        inputs = [np.ascontiguousarray(values, dtype=np.float64) for values in arguments]
         out = np.empty(np.shape(arguments[0]))
-        kernel(*(values.reshape(-1) for values in given), out.reshape(-1))
+        kernel(*(values.reshape(-1) for values in inputs), out.reshape(-1))
         return out
 
     function.__name__, function.__doc__ = loop.__name__, loop.__doc__
@@ -146,10 +146,10 @@ def compass_search(
             break
         offsets = (around * size[going][:, None, None]).reshape(-1, len(steps))
         tried = moved(places[going].repeat(len(around), axis=0), offsets)
-        found = cost(tried).reshape(going.size, -1)
-        chosen = found.argmin(axis=1) + np.arange(0, found.size, len(around))
-        better = found.reshape(-1)[chosen] < costs[going] - least
+        new_costs = cost(tried).reshape(going.size, -1)
+        chosen = new_costs.argmin(axis=1) + np.arange(0, new_costs.size, len(around))
+        better = new_costs.reshape(-1)[chosen] < costs[going] - least
         into = going[better]
-        places[into], costs[into] = tried[chosen[better]], found.reshape(-1)[chosen[better]]
+        places[into], costs[into] = tried[chosen[better]], new_costs.reshape(-1)[chosen[better]]
         size[going[~better]] /= 2
     return places, costs

@@ -64,12 +64,12 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
-            found = super().load_overload(sig, target_context)
+            kernel = super().load_overload(sig, target_context)
         except Exception:  # unpickling a damaged file can raise anything
-            found = None
-        if found is None:
+            kernel = None
+        if kernel is None:
             _say_compiling()
-        return found
+        return kernel
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
@@ -91,7 +91,7 @@ def leave_untold() -> None:
 
 @cache
 def _say_compiling() -> None:
-    """Tell who sits there, once, that it is the compiler; workers leave it to who started them."""
+    """Tell the user, once, that kernels are being compiled; worker processes do not."""
     watched = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
     if watched and _tells and multiprocessing.parent_process() is None:
         words = "deqmcl_gym: compiling kernels: a minute at most, at their first use only"

@@ -114,9 +114,9 @@ def sincos32(angles: Scalar, sines: Scalar, cosines: Scalar) -> None:
         for i in range(count):
             cosine[i] = _cosine(r[i])
         for i in range(count):
-            here, ahead = sine[i], cosine[i]
-            sine[i] = _turned(here, ahead, quarters[i])
-            cosine[i] = _turned(here, ahead, quarters[i] + np.int32(1))
+            s, c = sine[i], cosine[i]
+            sine[i] = _turned(s, c, quarters[i])
+            cosine[i] = _turned(s, c, quarters[i] + np.int32(1))
 
 
 @compiled
@@ -303,15 +303,15 @@ def logs64(x: Scalar, out: Scalar) -> None:
     s = np.empty(ARRAY_LANES, np.float64)
     for start in range(0, x.size, ARRAY_LANES):
         count = min(ARRAY_LANES, x.size - start)
-        given, log = x[start : start + count], out[start : start + count]
+        values, log = x[start : start + count], out[start : start + count]
         for i in range(count):
-            e[i], s[i] = _log_reduced(given[i])
+            e[i], s[i] = _log_reduced(values[i])
         for i in range(count):
             log[i] = _log_series_high(s[i] * s[i])
         for i in range(count):
             log[i] = _log_series(s[i] * s[i], log[i])
         for i in range(count):
-            log[i] = _log_of(given[i], e[i], s[i], log[i])
+            log[i] = _log_of(values[i], e[i], s[i], log[i])
 
 
 @compiled

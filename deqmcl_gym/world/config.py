@@ -103,8 +103,8 @@ def _office(given: Mapping[str, Any]) -> Office:
             "floor_plan.office has seeds, but here the building must be the same in all episodes: "
             "give a seed."
         )
-    one: Office = part("floor_plan.office", Office, office, Office())
-    return one
+    checked: Office = part("floor_plan.office", Office, office, Office())
+    return checked
 
 
 def _read(given: Mapping[str, Any]) -> Map:
@@ -330,18 +330,18 @@ class World:
         without a driver, changes apply to ``Driver()``; ``driver="none"`` removes the driver. The
         same holds for all parts that a world may have.
         """
-        names = [own.name for own in fields(self)]
-        given = {one_of("part of the world", name, names): parts[name] for name in parts}
-        given = {name: value for name, value in given.items() if value is not None}
-        floor_plan = floor_plan_of(given.pop("floor_plan", self.floor_plan))
+        names = [f.name for f in fields(self)]
+        new_parts = {one_of("part of the world", name, names): parts[name] for name in parts}
+        new_parts = {name: value for name, value in new_parts.items() if value is not None}
+        floor_plan = floor_plan_of(new_parts.pop("floor_plan", self.floor_plan))
         factor = pixel(floor_plan.unit) / self.pixel
         world = replace(self if factor == 1 else scaled(self, factor), floor_plan=floor_plan)
         changes: dict[str, Any] = {}
         for name, kind in _OPTIONAL.items():
-            if name in given:
+            if name in new_parts:
                 default = getattr(world, name) or scaled(kind(), world.pixel)
-                changes[name] = _optional(name, given.pop(name), default)
-        for name, value in given.items():
+                changes[name] = _optional(name, new_parts.pop(name), default)
+        for name, value in new_parts.items():
             old = getattr(world, name)
             changes[name] = part(name, type(old), value, old)
         return replace(world, **changes)

@@ -111,9 +111,9 @@ class Course:
     def of(cls, world: World) -> "Course":
         """Plan the lap of a world."""
         path = path_of(world)
-        given = world.start.pose
-        arc = path.bottom_centre() if given is None else path.arc(given[:2])
-        start = path.at(arc) if given is None else given
+        pose = world.start.pose
+        arc = path.bottom_centre() if pose is None else path.arc(pose[:2])
+        start = path.at(arc) if pose is None else pose
         check_free("start.pose", start, world)
         x, y, _ = path.at(arc)
         if world.floor_plan.collides([start], [(x, y)], world.body)[0]:
@@ -155,8 +155,8 @@ def _radius(world: World) -> str:
 
 def path_of(world: World) -> Path:
     """Return the closed path of a world's lap."""
-    given = world.lap.waypoints
-    corners = mid_corridor(world.floor_plan) if given is None else np.array(given)
+    waypoints = world.lap.waypoints
+    corners = mid_corridor(world.floor_plan) if waypoints is None else np.array(waypoints)
     path = Path(corners)
     ends = np.roll(corners, -1, axis=0)
     blocked = world.floor_plan.collides(corners, ends, world.body)
@@ -261,15 +261,15 @@ def _unit(vectors: Floats) -> Floats:
     return units
 
 
-def _thinned(hull: Floats, apart: float) -> Floats:
-    """Leave out corners of a round hull that are less than ``apart`` from the one before."""
+def _thinned(hull: Floats, spacing: float) -> Floats:
+    """Leave out corners of a round hull that are less than ``spacing`` from the one before."""
     lengths = np.sqrt(((hull - np.roll(hull, 1, axis=0)) ** 2).sum(axis=1))
-    apart = min(apart, lengths.sum() / 32)
-    way, kept = np.cumsum(lengths) - lengths[0], [0]
+    spacing = min(spacing, lengths.sum() / 32)
+    way, corners = np.cumsum(lengths) - lengths[0], [0]
     for corner in range(1, len(hull)):
-        if min(way[corner] - way[kept[-1]], way[-1] + lengths[0] - way[corner]) >= apart:
-            kept.append(corner)
-    return hull[kept]
+        if min(way[corner] - way[corners[-1]], way[-1] + lengths[0] - way[corner]) >= spacing:
+            corners.append(corner)
+    return hull[corners]
 
 
 def _convex_hull(points: Floats) -> Floats:

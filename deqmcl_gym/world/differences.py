@@ -112,9 +112,9 @@ class Clutter:
 
     def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> list[Floats]:
         """Draw it: convex polygons, counterclockwise, (c, 2) each."""
-        return [self._one(floor_plan, way, rng) for _ in range(self.number)]
+        return [self._obstacle(floor_plan, way, rng) for _ in range(self.number)]
 
-    def _one(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> Floats:
+    def _obstacle(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> Floats:
         for _ in range(_TRIES):
             thing = self._tried(floor_plan, rng)
             if thing is not None and not way.is_blocked_by([thing]):
@@ -377,14 +377,14 @@ def _walls(solid: Bools, free: Bools, step: float, px: float) -> list[Floats]:
     row, first, last = (runs := _inner_runs(solid)).T
     thin = step * last - step * first <= _THICKEST * px * (1 + 1e-9)
     beside = free[row, first - 1] | free[row, last]
-    found = []
+    walls = []
     for chain in _chains(runs[thin & beside], 1):
         boxes = _boxes(chain, step)
         length = boxes[-1, 3] - boxes[0, 1]
         thickness = float(np.median(boxes[:, 2] - boxes[:, 0]))
         if length >= max(_SHORTEST * px, thickness):
-            found += _cut_to_length(boxes, _LONGEST * px, step)
-    return found
+            walls += _cut_to_length(boxes, _LONGEST * px, step)
+    return walls
 
 
 def _doors(solid: Bools, free: Bools, step: float, px: float) -> list[Floats]:
@@ -410,20 +410,20 @@ def _chains(runs: Indices, slack: int) -> list[Indices]:
     """Join runs of following rows whose ends differ by at most ``slack`` columns, (k, 3) each."""
     chains: list[list[Any]] = []
     before: list[list[Any]] = []  # those that end in the row before
-    for row, own in groupby(runs.tolist(), key=lambda run: run[0]):
-        here = []
-        for run in own:
+    for row, row_runs in groupby(runs.tolist(), key=lambda run: run[0]):
+        current = []
+        for run in row_runs:
             for chain in before:
                 last = chain[-1]
                 near = abs(run[1] - last[1]) <= slack and abs(run[2] - last[2]) <= slack
                 if last[0] == row - 1 and near and run[1] < last[2] and last[1] < run[2]:
                     chain.append(run)
-                    here.append(chain)
+                    current.append(chain)
                     break
             else:
                 chains.append([run])
-                here.append(chains[-1])
-        before = here
+                current.append(chains[-1])
+        before = current
     return [np.array(chain) for chain in chains]
 
 
@@ -442,7 +442,7 @@ def _cut_to_length(boxes: Floats, longest: float, step: float) -> list[Floats]:
     ends = np.round(ends / step) * step
     pieces = []
     for begin, end in pairwise(ends):
-        own = boxes[(boxes[:, 3] > begin) & (boxes[:, 1] < end)].copy()
-        own[:, 1], own[:, 3] = np.maximum(own[:, 1], begin), np.minimum(own[:, 3], end)
-        pieces.append(own)
+        piece = boxes[(boxes[:, 3] > begin) & (boxes[:, 1] < end)].copy()
+        piece[:, 1], piece[:, 3] = np.maximum(piece[:, 1], begin), np.minimum(piece[:, 3], end)
+        pieces.append(piece)
     return pieces

@@ -57,8 +57,8 @@ class FixedPlan:
 
     def replaced(self, step: int, actions: RoomActions) -> "FixedPlan":
         """Return the plan in which ``actions`` (k, 2) follow ``step`` steps of this one."""
-        kept = self.actions[: step - self.begun]
-        return FixedPlan(np.vstack([kept, actions]), self.horizon, self.begun)
+        past = self.actions[: step - self.begun]
+        return FixedPlan(np.vstack([past, actions]), self.horizon, self.begun)
 
     @cached_property
     def _padded(self) -> RoomActions:
@@ -159,8 +159,8 @@ class GuidedPlan:
         room = float(ground.distance([pose[:2]])[0]) - self.world.body
         body = self.world.body + max(0.0, min(room, route.clearance)) / 2
         corners = np.vstack([pose[:2], path.corners_from(arc)])  # straight back onto the path
-        apart = (np.diff(corners, axis=0) != 0).any(axis=1)
-        back = Path(corners[np.append(True, apart)], closed=False)
+        distinct = (np.diff(corners, axis=0) != 0).any(axis=1)
+        back = Path(corners[np.append(True, distinct)], closed=False)
         farthest, clear = np.empty((0, 2), np.float32), -1
         for onto, begin in ((path, arc), (back, 0.0)):
             for share in NEARER:

@@ -64,19 +64,19 @@ class Beginning:
         if world.glass is not None:
             glass = world.glass.drawn(ground, streams(Stream.GLASS))
             behind = altered(ground, np.vstack([cleared, glass]), filled)
-        there = rules
+        actual = rules
         if solid is not ground:
-            there = replace(rules, world=replace(world, floor_plan=solid))
-        start = there.start(course, seed, number)
-        if there is not rules and isinstance(plan, GuidedPlan):
-            # he has planned on the map, sees what is there
+            actual = replace(rules, world=replace(world, floor_plan=solid))
+        start = actual.start(course, seed, number)
+        if actual is not rules and isinstance(plan, GuidedPlan):
+            # the driver has planned on the map, but sees what is there
             keeps_route = all(part.keep_route for part in (clutter, walls) if part is not None)
-            if keeps_route or there.journeys is None or course.goal is None:
-                plan = replace(plan, world=there.world)
+            if keeps_route or actual.journeys is None or course.goal is None:
+                plan = replace(plan, world=actual.world)
             else:
-                course = there.journeys.onwards(course.goal, start)
-                plan = there.plan_for(course)
-        return cls(ground, there, course, plan, start, glass, behind, streams)
+                course = actual.journeys.onwards(course.goal, start)
+                plan = actual.plan_for(course)
+        return cls(ground, actual, course, plan, start, glass, behind, streams)
 
     @property
     def arc(self) -> float:
@@ -122,8 +122,8 @@ def _way(world: World, course: Course, plan: Plan, whole: bool) -> Way:
         ways = [np.array([end, end]) for end in ends]
     else:
         ways = [corners, np.vstack([course.start[:2], points_of(course.start, plan.actions)])]
-    found = [Way.along(way, world.body, world.floor_plan) for way in ways]
-    return Way(np.vstack([way.points for way in found]), found[0].margin)
+    parts = [Way.along(way, world.body, world.floor_plan) for way in ways]
+    return Way(np.vstack([way.points for way in parts]), parts[0].margin)
 
 
 def cast_through_glass(

@@ -83,13 +83,13 @@ def follow(
         share = min(max((to_x * dx + to_y * dy) / (edge_length * edge_length), 0.0), 1.0)
         off_x, off_y = to_x - share * dx, to_y - share * dy
         distance = np.sqrt(off_x * off_x + off_y * off_y)
-        there = edge_arc + share * edge_length
-        gone = driven + shorter(there - before - driven, period)
+        new_arc = edge_arc + share * edge_length
+        gone = driven + shorter(new_arc - before - driven, period)
         back = max(-(step_x * dx + step_y * dy) / edge_length, 0.0)
         cost = max(distance, (abs(gone) - driven) / 8) + back
         off = abs(gone - driven)
         if cost < least - same or (cost < least + same and off < least_off - same):
-            least, least_off, arc, way = min(cost, least), off, there, gone
+            least, least_off, arc, way = min(cost, least), off, new_arc, gone
     return arc, way
 
 
@@ -230,8 +230,8 @@ def steer(
         if back:
             onto, begin = back_onto(pose, arc, edges, length, goal), 0.0
         for share in NEARER:
-            own = (share * rules[0], rules[1], rules[2], rules[3], rules[4], rules[5])
-            steps = drive_along(pose, begin, way, onto, np.inf, own, tried)
+            near_rules = (share * rules[0], rules[1], rules[2], rules[3], rules[4], rules[5])
+            steps = drive_along(pose, begin, way, onto, np.inf, near_rules, tried)
             blocked = _first_blocked(pose, tried[:steps], cells, body)
             if blocked < 0 or blocked > clear:
                 clear, count = blocked, steps

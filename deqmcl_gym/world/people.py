@@ -56,7 +56,7 @@ class Crowd:
         self._corners, self._ends = self._paths(starts, None)
         steps = people.seconds * rng.uniform(*people.speed, people.number)
         # a step that begins this far away, or ends there, does not touch the robot in between
-        self._apart = people.radius + body + np.maximum(_POLITE * px, steps / 2)
+        self._reach = people.radius + body + np.maximum(_POLITE * px, steps / 2)
         self._steps, self._arcs = steps, np.zeros(people.number)
         self._waits = np.zeros(people.number, np.intp)  # steps not taken in a row
         self.places = starts.copy()
@@ -64,7 +64,7 @@ class Crowd:
     def walk(self, robot: Point) -> None:
         """Walk for one step of a robot, which stands still meanwhile."""
         _walk(
-            self._corners, self._ends, self._steps, self._arcs, self._waits, self._apart, *robot,
+            self._corners, self._ends, self._steps, self._arcs, self._waits, self._reach, *robot,
             self.places,
         )  # fmt: skip
         stuck = np.flatnonzero(self._waits > 1)
@@ -123,24 +123,24 @@ def cast_among_people(
 
 
 def _free(
-    people: People, floor_plan: Map, robot: Point, apart: float, rng: np.random.Generator
+    people: People, floor_plan: Map, robot: Point, distance: float, rng: np.random.Generator
 ) -> Floats:
-    """Draw a place for each person, at least ``apart`` from the robot, (n, 2)."""
+    """Draw a place for each person, at least ``distance`` from the robot, (n, 2)."""
     x0, y0, x1, y1 = floor_plan.bounds
-    found = np.empty((0, 2))
+    places = np.empty((0, 2))
     for _ in range(_TRIES):
-        if len(found) >= people.number:
+        if len(places) >= people.number:
             break
         drawn = rng.uniform((x0, y0), (x1, y1), (16 + people.number, 2))
         fits = floor_plan.free(drawn, people.radius)
-        fits &= ((drawn - robot) ** 2).sum(axis=1) >= apart * apart
-        found = np.vstack([found, drawn[fits]])
-    if len(found) < people.number:
+        fits &= ((drawn - robot) ** 2).sum(axis=1) >= distance * distance
+        places = np.vstack([places, drawn[fits]])
+    if len(places) < people.number:
         raise InputError(
             f"there is no room for people.number = {people.number} of radius {people.radius:g} "
             f"{floor_plan.unit} apart from the robot: give fewer people, or a smaller radius."
         )
-    return found[: people.number]
+    return places[: people.number]
 
 
 def _next(
@@ -175,7 +175,7 @@ def _walk(
     steps: Floats,
     arcs: Floats,
     waits: Indices,
-    apart: Floats,
+    reach: Floats,
     robot_x: float,
     robot_y: float,
     places: Floats,
@@ -198,7 +198,7 @@ def _walk(
         y = corners[i, leg, 1] + share * (corners[i, leg + 1, 1] - corners[i, leg, 1])
         after = (x - robot_x) ** 2 + (y - robot_y) ** 2
         before = (places[i, 0] - robot_x) ** 2 + (places[i, 1] - robot_y) ** 2
-        if after < before and after < apart[i] * apart[i]:
+        if after < before and after < reach[i] * reach[i]:
             steps[i] = -steps[i]
             waits[i] += 1
             continue

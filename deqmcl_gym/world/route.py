@@ -60,14 +60,14 @@ class Routes:
     def taut(self, points: Floats) -> Floats:
         """Leave out points where a straight line comes no nearer to walls than the route."""
         room = np.minimum(self.floor_plan.distance(points), self.comfort)
-        kept = [0]
-        while kept[-1] < len(points) - 1:
-            here = kept[-1]
-            ahead = slice(here + 1, here + 1 + _IN_SIGHT)
-            least = np.minimum(np.minimum.accumulate(room[ahead]), room[here])
-            seen = self._in_sight(points[here], points[ahead], least)
-            kept.append(here + 1 + int(np.flatnonzero(seen)[-1]) if seen.any() else here + 1)
-        return points[kept]
+        corners = [0]
+        while corners[-1] < len(points) - 1:
+            last = corners[-1]
+            ahead = slice(last + 1, last + 1 + _IN_SIGHT)
+            least = np.minimum(np.minimum.accumulate(room[ahead]), room[last])
+            seen = self._in_sight(points[last], points[ahead], least)
+            corners.append(last + 1 + int(np.flatnonzero(seen)[-1]) if seen.any() else last + 1)
+        return points[corners]
 
     def _in_sight(self, start: Floats, ends: Floats, room: Floats) -> Bools:
         """Whether discs of radius ``room``, less a cell, fit along the lines to ``ends``."""

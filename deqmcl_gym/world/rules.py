@@ -36,7 +36,7 @@ _FLOAT32 = np.dtype(np.float32)
 _COUNTS = "two", "three", "four"  # numbers in an action with so many heads
 _START_TRIES = 1000
 _FREE_TRIES = 100_000
-_ARGUMENTS = ("preset", "world", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
+_ARGUMENTS = ("preset", "world", *(f.name for f in fields(World)), "horizon", "ends_at_goal")
 _ARGUMENTS += ("observation", "plan", "goal", "render_mode")
 
 
@@ -53,7 +53,7 @@ class Commands:
         self._low, self._high = self.space.low.tolist(), self.space.high.tolist()
         turn = f"a turn from {self._low[1]:.4g} to {self._high[1]:.4g} rad"
         *parts, last = turn, *(f"{head} from 0 to 1" for head in heads)
-        self._words = (
+        self._allowed = (
             f"{_COUNTS[len(heads)]} numbers: a distance from 0 to {self._high[0]:g} {unit}"
             f"{''.join(f', {part}' for part in parts)} and {last}."
         )
@@ -62,10 +62,10 @@ class Commands:
         """Return an action as a fresh array, (2,) float32, or longer by the heads."""
         command = _as_float32(action)
         if command is not None and command.shape == self.space.shape:
-            given = command.tolist()
-            if all(map(le, self._low, given)) and all(map(le, given, self._high)):
+            values = command.tolist()
+            if all(map(le, self._low, values)) and all(map(le, values, self._high)):
                 return command
-        raise InputError(f"the action is {action!r}, but must be {self._words}")
+        raise InputError(f"the action is {action!r}, but must be {self._allowed}")
 
     def checked_each(self, actions: Any, resting: Bools) -> RoomActions:
         """Return one action for each room as a fresh array, (n, 2) float32, or longer by the heads.
@@ -78,7 +78,7 @@ class Commands:
             given = repr(actions) if commands is None else f"of shape {commands.shape}"
             raise InputError(
                 f"the actions are {given}, but must be numbers of shape {shape}, for each room "
-                f"{self._words}"
+                f"{self._allowed}"
             )
         inside = (commands >= self.space.low) & (commands <= self.space.high)
         outside = ~(inside.all(axis=1) | resting)
@@ -103,12 +103,12 @@ def _as_float32(action: Any) -> RoomActions | None:
     if type(action) is np.ndarray and action.dtype is _FLOAT32:  # what the space asks for
         return action.copy()
     try:
-        given = np.asarray(action)
+        values = np.asarray(action)
     except ValueError:
         return None
     with np.errstate(over="ignore"):
-        real = given.dtype.kind in "fiu" and not isinstance(action, np.ma.MaskedArray)
-        return given.astype(np.float32) if real else None
+        real = values.dtype.kind in "fiu" and not isinstance(action, np.ma.MaskedArray)
+        return values.astype(np.float32) if real else None
 
 
 StepResult = tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]  # as Gymnasium's envs return
@@ -173,7 +173,7 @@ class RoomRules:
     ) -> "RoomRules":
         """Return the rules that the environment's arguments describe."""
         check_arguments(parts, _ARGUMENTS)
-        offices = offices_of(given := parts.get("floor_plan"))
+        offices = offices_of(raw_map := parts.get("floor_plan"))
         if offices is not None:
             parts["floor_plan"] = offices.map(offices.seeds[0])
         if world is not None and not isinstance(world, World):
@@ -187,7 +187,7 @@ class RoomRules:
             )
         rows = None if horizon is None else integer("horizon", horizon, low=1, high=MAX_STEPS)
         one_of("observation", observation, ("scan", "dict"))
-        ends, extent = boolean("ends_at_goal", ends_at_goal), extent_of(given, world.floor_plan)
+        ends, extent = boolean("ends_at_goal", ends_at_goal), extent_of(raw_map, world.floor_plan)
         shows_plan = boolean("plan", plan)
         one_of("goal", goal, ("map", "relative"))
         if observation == "scan" and not shows_plan:
@@ -306,8 +306,8 @@ class RoomRules:
         covered = np.clip(covered, -1.0, 1.0)
         parts: dict[str, Any] = {"plan": planned.copy()} if self.shows_plan else {}
         if goal is not None:
-            told = goal if self.goal == "map" else relative_to(pose, goal)
-            parts["goal"] = np.array(told, np.float32)
+            target = goal if self.goal == "map" else relative_to(pose, goal)
+            parts["goal"] = np.array(target, np.float32)
         return {
             "scan": scan.copy(),
             **parts,

@@ -80,7 +80,7 @@ class Report:
     def verdict(self, law: str | Law) -> LawVerdict:
         """Return the verdict on a law, or on that of a name; after a need that failed, skip it."""
         if isinstance(law, str):
-            law = next(own for own in self.laws if law_name(own) == law)
+            law = next(candidate for candidate in self.laws if law_name(candidate) == law)
         need = self.laws[law]
         while need is not None and self.verdict(need).status != "FAILED":
             need = self.laws[need]

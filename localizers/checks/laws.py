@@ -77,9 +77,9 @@ def answers_with_beliefs(subject: LocalizerDrive) -> str:
     """Reset and every update return a belief whose points(0) are poses (n, 3), weights (n,)."""
     run = subject.history()
     offsets = sorted(set().union(*run))
-    words = f"steps {offsets[0]:+d} to {offsets[-1]:+d}" if offsets[1:] else "the present alone"
+    span = f"steps {offsets[0]:+d} to {offsets[-1]:+d}" if offsets[1:] else "the present alone"
     n = max(len(weights) for belief in run for _, weights in belief.values())
-    return f"{words}, {'one point' if n == 1 else f'up to {n} points'}"
+    return f"{span}, {'one point' if n == 1 else f'up to {n} points'}"
 
 
 def finite(subject: LocalizerDrive) -> None:
@@ -205,18 +205,18 @@ def robot_and_prior_not_changed(subject: LocalizerDrive) -> None:
     robot.floor_plan.ranges(at, robot.lidar.bearings)  # fills caches
     robot.floor_plan.collides(at, at, robot.radius)
     before = {"robot": robot, "prior": prior}
-    given: dict[str, Any] = deepcopy(before)
-    subject.history(**given)
-    if name := difference(before, given):
+    copies: dict[str, Any] = deepcopy(before)
+    subject.history(**copies)
+    if name := difference(before, copies):
         raise LawBrokenError(f"it wrote into {name}: copy it")
 
 
 def inputs_not_kept(subject: LocalizerDrive) -> None:
     """What the caller writes into ranges, action and plan after the call changes nothing."""
     run = []
-    for t, (belief, given) in enumerate(subject.steps()):
+    for t, (belief, inputs) in enumerate(subject.steps()):
         run.append(snapshot(belief, t))
-        for array in given.values():
+        for array in inputs.values():
             array[...] = np.nan
     otherwise = "it still reads an array given to it earlier, which the caller has changed since"
     subject.require_same(run, otherwise)

@@ -121,8 +121,8 @@ class Subject:
 
     def require_same(self, run: Sequence[Any], otherwise: str) -> None:
         """Raise with ``otherwise`` and from which step on, unless a run is its history, bitwise."""
-        for t, (one, other) in enumerate(zip_longest(run, self.history())):
-            if difference(one, other) is not None:
+        for t, (actual, expected) in enumerate(zip_longest(run, self.history())):
+            if difference(actual, expected) is not None:
                 raise LawBrokenError(f"{otherwise} (from step {t} on)")
 
 
@@ -169,13 +169,13 @@ class LocalizerDrive(Subject):
     def steps(
         self, localizer: Localizer | None = None, seed: Seed = 0
     ) -> Iterator[tuple[Belief, dict[str, Floats]]]:
-        """Run a localizer, a new one if none is given; yield beliefs and what each is given for."""
+        """Run a localizer, a new one if none is given; yield beliefs and their inputs."""
         localizer = self.made() if localizer is None else localizer
-        given = self.inputs(0)
-        yield localizer.reset(self.prior, given["plan"], np.random.default_rng(seed)), given
+        inputs = self.inputs(0)
+        yield localizer.reset(self.prior, inputs["plan"], np.random.default_rng(seed)), inputs
         for t in range(1, len(self.plans)):
-            given = self.inputs(t)
-            yield localizer.update(*given.values()), given
+            inputs = self.inputs(t)
+            yield localizer.update(*inputs.values()), inputs
 
     def history(
         self, localizer: Localizer | None = None, *, seed: Seed = 0, **changes: Any
@@ -185,9 +185,9 @@ class LocalizerDrive(Subject):
         return [snapshot(belief, t) for t, (belief, _) in enumerate(run)]
 
     def written(self) -> str | None:
-        """Name what it writes into of ranges, action and plan."""
-        for t, (_, given) in enumerate(self.steps()):
-            if name := difference(self.inputs(t), given):
+        """Name which of ranges, action and plan it writes into."""
+        for t, (_, inputs) in enumerate(self.steps()):
+            if name := difference(self.inputs(t), inputs):
                 return f"the {name} at step {t}"
         return None
 
@@ -215,10 +215,10 @@ class LocalizerDrive(Subject):
         """
         x0, y0, x1, y1 = self.robot.floor_plan.bounds
         slack = min(x1 - x0, y1 - y0) / 100
-        for t, (one, two) in enumerate(zip(self.history(), other, strict=True)):
-            poses, weights = one[0]
+        for t, (expected, actual) in enumerate(zip(self.history(), other, strict=True)):
+            poses, weights = expected[0]
             mean = np.array(mean_pose(poses, weights))
-            off, spread = np.array(mean_pose(*two[0])) - mean, poses - mean
+            off, spread = np.array(mean_pose(*actual[0])) - mean, poses - mean
             off[2], spread[:, 2] = wrapped(off[2]), wrapped(spread[:, 2])
             allowed = np.sqrt(weights @ np.square(spread)) + np.array([slack, slack, 0.1])
             if not (np.abs(off) <= allowed).all():
@@ -360,7 +360,7 @@ def state_kept() -> Iterator[None]:
 
 def running() -> dict[str, str]:
     """Name this process's threads and, as far as /proc shows them, the processes it started."""
-    names = {f"thread {one.ident}": f"the thread {one.name!r}" for one in threading.enumerate()}
+    names = {f"thread {t.ident}": f"the thread {t.name!r}" for t in threading.enumerate()}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):  # it is gone
             state, parent = stat.read_text().rpartition(")")[2].split()[:2]

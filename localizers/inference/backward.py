@@ -144,9 +144,9 @@ class GaussianMotion:
 @lru_cache(maxsize=100_000)  # steps of a log, for each of its runs, forward and backward
 def _moments(motion: GaussianMotion, action: tuple[float, ...]) -> tuple[Floats, Floats]:
     """Return mean (3,) and Cholesky root (3, 3) of an increment, seen from the pose before."""
-    told, start = np.array(action), np.zeros((3, _DRAWS), np.float32)
-    mean = moved(start[:, :1], told).astype(np.float64)
-    off = motion.motion.sample(start, told, np.random.default_rng(0)) - mean
+    increment, start = np.array(action), np.zeros((3, _DRAWS), np.float32)
+    mean = moved(start[:, :1], increment).astype(np.float64)
+    off = motion.motion.sample(start, increment, np.random.default_rng(0)) - mean
     off[2] = arrays.wrapped(off[2])
     spread = (off[:, None] * off).mean(axis=2)
     slip = np.square([motion.length, motion.length, motion.angle])

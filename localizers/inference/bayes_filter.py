@@ -49,8 +49,8 @@ class FilterLocalizer(Generic[B]):
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
         """Start a new run; see ``Localizer.reset``."""
-        known = checked_prior(prior, self.robot)
-        belief = self.filter.initial(known, checked_plan(plan), checked_rng(rng))
+        prior = checked_prior(prior, self.robot)
+        belief = self.filter.initial(prior, checked_plan(plan), checked_rng(rng))
         self._running = (belief, rng)
         return belief
 

@@ -138,12 +138,12 @@ class EntropyFilter:
         logs = np.empty((measured.size + 1, weights.size))
         logs[0] = 0.0  # no beam
         for beam in range(measured.size):
-            one = slice(beam, beam + 1)
-            logs[1 + beam] = self.scan.weighed(measured[one], expected[one])
-        found = np.empty(len(logs))
+            rows = slice(beam, beam + 1)
+            logs[1 + beam] = self.scan.weighed(measured[rows], expected[rows])
+        entropy = np.empty(len(logs))
         place = self.places(poses)
-        entropies(logs, weights, place, np.zeros(int(place.max()) + 1), found)
-        return ~(found[1:] <= found[0] + _EQUAL)
+        entropies(logs, weights, place, np.zeros(int(place.max()) + 1), entropy)
+        return ~(entropy[1:] <= entropy[0] + _EQUAL)
 
 
 _EQUAL = 1e-12  # nats: entropies of different sums of the same

@@ -139,12 +139,12 @@ class Queue(NamedTuple):
 
     def since(self, offset: int) -> list[States]:
         """Return ``at`` of each offset from ``offset`` ≥ 0 on, in one pass over the links."""
-        order, found = self.pending, []
+        order, clouds = self.pending, []
         for index in range(len(self.slots) - 1, self.present + offset - 1, -1):
             states = self.slots[index]
-            found.append(states.copy() if order is None else states.take(order, axis=1))
+            clouds.append(states.copy() if order is None else states.take(order, axis=1))
             order = compose(self.links[index - 1], order) if index else order
-        return found[::-1]
+        return clouds[::-1]
 
     def _order(self, index: int) -> Link:
         """Return the map from the current order to that of slot ``index``."""

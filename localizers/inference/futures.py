@@ -145,9 +145,9 @@ class Redraw:
         # Where β = inf and every old future collides, the weight is zero already, or the charge
         # was dropped by a weight collapse: either way there is nothing to undo.
         log_factor = log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
-        kept = _choose(new, rng)
+        chosen = _choose(new, rng)
         redrawn = belief.cut(shared)
-        for ahead, states in enumerate(paths(kept), start=shared + 1):
+        for ahead, states in enumerate(paths(chosen), start=shared + 1):
             redrawn = redrawn.appended(states, actions[:ahead])
         redrawn = redrawn.reweighted(log_factor)
         return redrawn._replace(events=redrawn.events.plus(replanned_steps=1))

@@ -268,8 +268,8 @@ def hedged(
     shown plans; for the numbers see ``Hedge``.
     """
     members = [
-        predictive(one.filter) if isinstance(one, FilterLocalizer) else Plugged(one)
-        for one in (advised, protected)
+        predictive(member.filter) if isinstance(member, FilterLocalizer) else Plugged(member)
+        for member in (advised, protected)
     ]
     return FilterLocalizer(
         robot,

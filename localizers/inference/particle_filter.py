@@ -206,9 +206,9 @@ class ParticleFilter:
             belief = self.injection(belief, plan, rng)
         # Reweight by the scan, and by what the plan says of the present
         if self.beams is not None:
-            kept = self.beams.kept(belief.present, belief.log_weights, scan)
-            events = belief.events.plus(dropped_beams=scan.beams - kept.beams)
-            belief, scan = belief._replace(events=events), kept
+            used = self.beams.kept(belief.present, belief.log_weights, scan)
+            events = belief.events.plus(dropped_beams=scan.beams - used.beams)
+            belief, scan = belief._replace(events=events), used
         log_likelihood, power = self.scan.log_likelihood(belief.present, scan), 1.0
         if self.keep > 0.0:
             power = power_that_keeps(belief.log_weights, log_likelihood, self.keep)

@@ -117,10 +117,10 @@ class AdaptiveLocalizer:
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
         """Start a new run with the largest cloud; see ``Localizer.reset``. The plan is not used."""
-        known = checked_prior(prior, self.robot)
+        prior = checked_prior(prior, self.robot)
         checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
-        cloud = np.ascontiguousarray(known.sample(self.kld.most, started).T, np.float32)
+        cloud = np.ascontiguousarray(prior.sample(self.kld.most, started).T, np.float32)
         even = np.zeros(cloud.shape[1])
         belief = ParticleBelief(Queue((cloud,)), even, _NO_ACTIONS, detector=self._detector)
         self._running = _Running(belief, np.zeros(3), 0.0, self.averages, 0, False, rng)
@@ -171,11 +171,11 @@ class AdaptiveLocalizer:
         events = belief.events
         if count:
             events = events.plus(random_poses=int(np.count_nonzero(anywhere[:enough])))
-        kept = np.ascontiguousarray(drawn[:, :enough])
+        poses = np.ascontiguousarray(drawn[:, :enough])
         cloud = belief._replace(
-            queue=Queue((kept,)), log_weights=np.zeros(kept.shape[1]), events=events
+            queue=Queue((poses,)), log_weights=np.zeros(poses.shape[1]), events=events
         )
-        off = np.abs(kept[:2] - kept[:2].mean(axis=1, dtype=np.float64, keepdims=True))
+        off = np.abs(poses[:2] - poses[:2].mean(axis=1, dtype=np.float64, keepdims=True))
         return replace(
             now,
             belief=cloud,

@@ -84,7 +84,7 @@ def correct(
     """
     moved = np.zeros(3)  # of the mean since the linearisation
     projected, gain = np.empty(3), np.empty(3)
-    kept = np.empty((3, 3))
+    simple = np.empty((3, 3))
     gated = 0
     for b in range(innovations.size):
         slope = slopes[b]
@@ -104,13 +104,13 @@ def correct(
             moved[i] += gain[i] * innovation
         for i in range(3):  # (I - K H) P
             for j in range(3):
-                kept[i, j] = covariance[i, j] - gain[i] * projected[j]
+                simple[i, j] = covariance[i, j] - gain[i] * projected[j]
         for i in range(3):
             along = 0.0
             for j in range(3):
-                along += kept[i, j] * slope[j]
+                along += simple[i, j] * slope[j]
             for j in range(3):  # ((I - K H) P)(I - K H)ᵀ + K R Kᵀ
-                covariance[i, j] = kept[i, j] - along * gain[j] + gain[i] * variances[b] * gain[j]
+                covariance[i, j] = simple[i, j] - along * gain[j] + gain[i] * variances[b] * gain[j]
     for i in range(3):
         mean[i] += moved[i]
     return gated
@@ -118,8 +118,8 @@ def correct(
 
 def covariance_of(offsets: Floats) -> Floats:
     """Return the mean products of offsets (d, n) from a mean, (d, d)."""
-    apart = np.ascontiguousarray(offsets)
-    products: Floats = (apart[:, None] * apart).mean(axis=2)
+    rows = np.ascontiguousarray(offsets)
+    products: Floats = (rows[:, None] * rows).mean(axis=2)
     return products
 
 
@@ -299,9 +299,9 @@ def _gaussian(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
     draws = np.asarray(prior.sample(PRIOR_DRAWS, rng), dtype=np.float64)
     even = np.full(len(draws), 1 / len(draws))
     mean = np.array(mean_pose(draws, even) if prior.mean is None else prior.mean, np.float64)
-    apart = draws - mean
-    apart[:, 2] = arrays.wrapped(apart[:, 2])
-    return mean, covariance_of(apart.T)
+    offsets = draws - mean
+    offsets[:, 2] = arrays.wrapped(offsets[:, 2])
+    return mean, covariance_of(offsets.T)
 
 
 _KEPT = 10_000  # poses, at least

@@ -152,9 +152,9 @@ class FamilyMethod(Generic[_F]):
 
     def __call__(self, robot: RobotModel, **params: Any) -> FilterLocalizer[Any]:
         """Make a localizer for a robot."""
-        own = {name: value for name, value in params.items() if name not in self.takes}
+        others = {name: value for name, value in params.items() if name not in self.takes}
         shared = {name: value for name, value in params.items() if name in self.takes}
-        return FilterLocalizer(robot, self.build(robot, Shared(**shared), **own))
+        return FilterLocalizer(robot, self.build(robot, Shared(**shared), **others))
 
     @property
     def __wrapped__(self) -> Callable[..., _F]:
@@ -164,7 +164,7 @@ class FamilyMethod(Generic[_F]):
     @property
     def __signature__(self) -> Signature:
         """The robot, the accepted shared parameters, its own parameters; for ``inspect``."""
-        robot, _, *own = signature(self.build).parameters.values()
+        robot, _, *others = signature(self.build).parameters.values()
         shared = [
             Parameter(
                 field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type
@@ -172,7 +172,7 @@ class FamilyMethod(Generic[_F]):
             for field in fields(Shared)
             if field.name in self.takes
         ]
-        return Signature([robot, *shared, *own])
+        return Signature([robot, *shared, *others])
 
 
 def method(*takes: str) -> Callable[[Callable[..., _F]], FamilyMethod[_F]]:
@@ -288,10 +288,10 @@ def deq_mcl_fresh(
         keep, charge = 0.8 if keep is None else keep, "new" if charge is None else charge
         base = mcl_plan.build(robot, shared, keep=keep, charge=charge)
     else:
-        for name, given in {"keep": keep, "charge": charge}.items():
-            if given is not None:
+        for name, value in {"keep": keep, "charge": charge}.items():
+            if value is not None:
                 raise InputError(
-                    f"{name} is {given!r}, but it is used only with evidence = 'plan': give that, "
+                    f"{name} is {value!r}, but it is used only with evidence = 'plan': give that, "
                     f"or leave {name} out."
                 )
         base = mcl_map_smoother.build(robot, shared)

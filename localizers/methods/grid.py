@@ -228,11 +228,11 @@ def _nodes(mean: float, sd: float, cell: float, reach: float) -> tuple[Floats, F
     """Points at most ``reach`` from 0 and their shares of N(mean, sd²), (k,), right to 1e-3."""
     if sd == 0:
         return (np.array([mean]), np.ones(1)) if abs(mean) <= reach else (np.empty(0), np.empty(0))
-    apart = min(sd, cell) / 8
-    first = math.ceil(max(-_TAIL * sd, -reach - mean) / apart)
-    last = math.floor(min(_TAIL * sd, reach - mean) / apart)
-    steps: Floats = np.arange(float(first), max(last, first - 1) + 1.0) * apart
-    shares = normal_pdf(steps / sd) * (apart / sd)
+    spacing = min(sd, cell) / 8
+    first = math.ceil(max(-_TAIL * sd, -reach - mean) / spacing)
+    last = math.floor(min(_TAIL * sd, reach - mean) / spacing)
+    steps: Floats = np.arange(float(first), max(last, first - 1) + 1.0) * spacing
+    shares = normal_pdf(steps / sd) * (spacing / sd)
     inside = _TAIL * sd <= min(reach - mean, reach + mean)  # then nothing is cut but the tail
     return mean + steps, shares / shares.sum() if inside else shares
 
@@ -264,8 +264,8 @@ class GridBelief(NamedTuple):
         weights = mass[cells]
         if cells.size > MOST_POINTS:
             chosen = pointed_at(weights, (np.arange(MOST_POINTS) + 0.5) / MOST_POINTS)
-            kept, counts = np.unique(chosen, return_counts=True)
-            cells, weights = cells[kept], counts.astype(np.float64)
+            unique, counts = np.unique(chosen, return_counts=True)
+            cells, weights = cells[unique], counts.astype(np.float64)
         return self.grid.centres(cells).T, weights / weights.sum()
 
     @property

@@ -170,8 +170,8 @@ def latent_share(
     hit, miss, part, power = np.empty(few), np.empty(few), np.empty(few), np.empty(few)
     for start in range(0, n, few):
         end = min(start + few, n)
-        found = out[start:end]
-        found[:] = 0.0
+        logs = out[start:end]
+        logs[:] = 0.0
         urn[:] = 0.0
         urn[0] = 1.0
         for j in range(beams):
@@ -179,15 +179,15 @@ def latent_share(
             if (measured <= low) | (measured >= high):
                 at_low = measured <= low
                 _mass_beyond(row, low if at_low else high, at_low, sigma, part, power, hit)
-                _shares(atom, tiny, hit, miss, part, found)
+                _shares(atom, tiny, hit, miss, part, logs)
             else:
                 _bell(row, measured, sigma, part, power, hit)
                 for i in range(end - start):
                     hit[i] = _scaled(hit[i], power[i]) / (sigma * _SQRT_2PI)
-                _shares(floor, tiny, hit, miss, part, found)
+                _shares(floor, tiny, hit, miss, part, logs)
             _drawn(a, b, j, hit, miss, urn)
             if (j + 1) % together == 0 or j + 1 == beams:
-                _emptied(urn[: j + 2], least, miss, part, found)
+                _emptied(urn[: j + 2], least, miss, part, logs)
 
 
 @compiled
@@ -211,10 +211,10 @@ def _drawn(a: float, b: float, j: int, hit: Floats, miss: Floats, urn: Floats) -
     """Turn probabilities of k unexplained of j beams, the rows, into those of j + 1 beams."""
     each, count = 1.0 / (a + b + j), hit.size
     for k in range(j + 1, 0, -1):
-        here, before = urn[k], urn[k - 1]
+        row, before = urn[k], urn[k - 1]
         stays, turns = (b + (j - k)) * each, (a + (k - 1)) * each
         for i in range(count):
-            here[i] = here[i] * stays * hit[i] + before[i] * turns * miss[i]
+            row[i] = row[i] * stays * hit[i] + before[i] * turns * miss[i]
     for i in range(count):
         urn[0, i] *= (b + j) * each * hit[i]
 

@@ -148,11 +148,11 @@ class OdometryMotion:
         Rows with NaN are left out; of one whose ``left`` alone is NaN the way ahead and the turn
         are known. Fewer than 10 steps with movement and a reference are refused.
         """
-        told, true, _ = moving(meant, done)
-        driven, turned = lengths_of(told), np.abs(told[:, 2])
-        off = true - told
+        steps, true, _ = moving(meant, done)
+        driven, turned = lengths_of(steps), np.abs(steps[:, 2])
+        off = true - steps
         off[np.isnan(off[:, 1]), 1] = 0.0
-        missed = (off[:, :2] * told[:, :2]).sum(axis=1) / np.maximum(driven, 1e-9)  # along the way
+        missed = (off[:, :2] * steps[:, :2]).sum(axis=1) / np.maximum(driven, 1e-9)  # along the way
         missed_turn = arrays.wrapped(off[:, 2])
         long = longer_half(driven)
         ratio = np.abs(missed[long] / driven[long]) if long.any() else np.zeros(1)
@@ -185,9 +185,9 @@ def increments(actions: ArrayLike) -> Floats:
             f"actions have shape {given.shape}, but must be (distance, turn) or (forward, left, "
             "turn): two or three numbers a step."
         )
-    found = np.zeros((*given.shape[:-1], 3))
-    found[..., 0], found[..., 2] = given[..., 0], given[..., 1]
-    return found
+    moves = np.zeros((*given.shape[:-1], 3))
+    moves[..., 0], moves[..., 2] = given[..., 0], given[..., 1]
+    return moves
 
 
 def distance_and_bearing(action: Floats) -> tuple[float, float]:
@@ -259,15 +259,15 @@ class ChargedDrives:
 
 def moving(meant: Floats, done: Floats) -> tuple[Floats, Floats, Bools]:
     """Return the steps with movement and a reference, (k, 3) each, and which have a direction."""
-    told, true = np.asarray(meant, np.float64), np.asarray(done, np.float64)
-    kept = np.isfinite(told).all(axis=1) & np.isfinite(true[:, ::2]).all(axis=1)
-    kept &= np.abs(told).max(axis=1) > 0
-    if kept.sum() < LEAST_STEPS:
+    steps, true = np.asarray(meant, np.float64), np.asarray(done, np.float64)
+    usable = np.isfinite(steps).all(axis=1) & np.isfinite(true[:, ::2]).all(axis=1)
+    usable &= np.abs(steps).max(axis=1) > 0
+    if usable.sum() < LEAST_STEPS:
         raise InputError(
-            f"{int(kept.sum())} steps have movement and a reference at both ends, too few to fit "
+            f"{int(usable.sum())} steps have movement and a reference at both ends, too few to fit "
             f"the noise of the motion to, which needs {LEAST_STEPS}: give the noise instead."
         )
-    return told[kept], true[kept], np.isfinite(true[kept, 1])
+    return steps[usable], true[usable], np.isfinite(true[usable, 1])
 
 
 def longer_half(drive: Floats) -> Bools:

@@ -89,18 +89,18 @@ class DifferentialMotion:
         ρ counts for the longer half of the steps. Of turns only the sum counts: a reference that is
         off by a cm to the side turns the direction of a short step by more than odometry ever does.
         """
-        told, true, directed = moving(meant, done)
+        steps, true, directed = moving(meant, done)
         still = cls().still
-        rot1, drive, rot2 = _turns_and_drive(told, still)
+        rot1, drive, rot2 = _turns_and_drive(steps, still)
         seen1, seen, _ = _turns_and_drive(np.where(directed[:, None], true, 0.0), still)
         seen = np.where(directed, seen, true[:, 0])
         long = longer_half(drive)
-        # the nearer of two ways to tell the same; a reference that stands has no direction
+        # the nearer of two readings of one drive; a reference at rest has no direction
         backward = long & directed & (seen >= still)
         backward &= np.abs(arrays.wrapped(rot1 - seen1)) > math.pi / 2
         seen = np.where(backward, -seen, seen)
         r1, r2, d = _either_way(rot1) ** 2, _either_way(rot2) ** 2, drive**2
-        error = arrays.wrapped(told[:, 2] - true[:, 2])
+        error = arrays.wrapped(steps[:, 2] - true[:, 2])
         alpha1, alpha2 = most_likely(error, np.stack([r1 + r2, 2 * d]))
         features = np.stack([d, r1 + r2])[:, long]
         missed = (drive - seen)[long]
@@ -131,9 +131,9 @@ class OmniMotion:
 
     def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose (3, n), by 2 n uniform numbers, whatever the action."""
-        told = increments(action).reshape(1, 3)
-        bearing, drive, _ = _turns_and_drive(told, 0.0)
-        turn = told[:, 2]
+        step = increments(action).reshape(1, 3)
+        bearing, drive, _ = _turns_and_drive(step, 0.0)
+        turn = step[:, 2]
         d, t = drive**2, turn**2
         sd_along = np.sqrt(self.alpha3 * d + self.alpha4 * t)
         sd_turn = np.sqrt(self.alpha1 * t + self.alpha2 * d)
@@ -151,23 +151,23 @@ class OmniMotion:
         As ``DifferentialMotion.fitted``: α3 to α5 grow by one factor until 99 % of the errors
         along lie within 2.58 standard deviations. α5 is 0 if no step has a direction.
         """
-        told, true, directed = moving(meant, done)
-        bearing, drive, _ = _turns_and_drive(told, 0.0)
+        steps, true, directed = moving(meant, done)
+        bearing, drive, _ = _turns_and_drive(steps, 0.0)
         seen_bearing, seen, _ = _turns_and_drive(np.where(directed[:, None], true, 0.0), 0.0)
-        error = arrays.wrapped(told[:, 2] - true[:, 2])
-        turn, d, long = told[:, 2] ** 2, drive**2, longer_half(drive)
+        error = arrays.wrapped(steps[:, 2] - true[:, 2])
+        turn, d, long = steps[:, 2] ** 2, drive**2, longer_half(drive)
         alpha1, alpha2 = most_likely(error, np.stack([turn, d]))
         off = seen_bearing - bearing
         along = np.where(directed, seen * arrays.cos(off), true[:, 0]) - drive
-        across, apart, none = seen * arrays.sin(off), long & directed, np.zeros_like(d)
+        across, sideways, none = seen * arrays.sin(off), long & directed, np.zeros_like(d)
         features = np.hstack(
-            [np.stack([d, turn, none])[:, long], np.stack([none, turn, d])[:, apart]]
+            [np.stack([d, turn, none])[:, long], np.stack([none, turn, d])[:, sideways]]
         )
-        missed = np.concatenate([along[long], across[apart]])
-        found = most_likely(missed, features)
+        missed = np.concatenate([along[long], across[sideways]])
+        alphas = most_likely(missed, features)
         count = int(long.sum())
-        factor = excess(found, missed[:count], features[:, :count])
-        alpha3, alpha4, alpha5 = (float(alpha * factor) for alpha in found)
+        factor = excess(alphas, missed[:count], features[:, :count])
+        alpha3, alpha4, alpha5 = (float(alpha * factor) for alpha in alphas)
         return cls(alpha1=alpha1, alpha2=alpha2, alpha3=alpha3, alpha4=alpha4, alpha5=alpha5)
 
 
@@ -188,8 +188,8 @@ def unknown_motion(kind: str, unit: str) -> MotionModel:
     Nav2's defaults; for "odometry" 0.2 per m driven, 0.2 per rad turned and 0.2 rad per m.
     """
     model = MOTION_MODELS[one_of("motion model", kind, MOTION_MODELS)]
-    found = model(drive=0.2, turn=0.2, drift=0.2) if model is OdometryMotion else model()
-    return scaled(found, pixel(unit) / PIXELS["m"])
+    default = model(drive=0.2, turn=0.2, drift=0.2) if model is OdometryMotion else model()
+    return scaled(default, pixel(unit) / PIXELS["m"])
 
 
 def composed_increment(first: Floats, then: Floats) -> Floats:
@@ -215,9 +215,9 @@ def _check(motion: Any) -> None:
         number(name, value, low=0)
 
 
-def _turns_and_drive(told: Floats, still: float) -> tuple[Floats, Floats, Floats]:
-    """Return rot1, ρ, rot2 of increments told (k, 3), (k,) each, the turns in [-π, π]."""
-    forward, left, turn = told.T
+def _turns_and_drive(steps: Floats, still: float) -> tuple[Floats, Floats, Floats]:
+    """Return rot1, ρ, rot2 of increments, (k, 3), (k,) each, the turns in [-π, π]."""
+    forward, left, turn = steps.T
     drive = np.sqrt(forward**2 + left**2)
     rot1 = np.where(drive < still, 0.0, arrays.wrapped(turn + arrays.arctan2(left, forward)))
     return rot1, drive, arrays.wrapped(turn - rot1)

@@ -92,14 +92,14 @@ def beams_cubed(
     scale = -0.5 / (sigma * sigma)
     out[:] = 1.0
     for beam in range(ranges.size):
-        told = ranges[beam]
-        short = z_short * decay * exp64(-decay * told)
-        anyway = z_max if told == max_range else 0.0
-        anyway += z_rand / max_range if told < max_range else 0.0
+        measured = ranges[beam]
+        short = z_short * decay * exp64(-decay * measured)
+        anyway = z_max if measured == max_range else 0.0
+        anyway += z_rand / max_range if measured < max_range else 0.0
         for i in range(out.size):
             seen = metres * expected[beam, i]
             seen = min(seen, max_range) if seen > 0.0 else 0.0  # also if it is NaN
-            z = told - seen
+            z = measured - seen
             q = z_hit * exp64(scale * (z * z)) + anyway + (short if z < 0.0 else 0.0)
             out[i] += q * q * q
     for i in range(out.size):
@@ -202,13 +202,13 @@ class _Field:
         """Squared distances, in cells of the table, at the ends of the beams that count, (b, n)."""
         counted = self.informative(ranges)
         looked_at, bearings = ranges[counted], self.lidar.bearings[counted]
-        found = [
+        squares = [
             self.table.at_ends(
                 np.ascontiguousarray(origins, dtype=np.float32), looked_at[rows], bearings[rows]
             )
             for origins, rows in self.lidar.fans(states, counted)
         ]
-        return found[0] if len(found) == 1 else np.concatenate(found)
+        return squares[0] if len(squares) == 1 else np.concatenate(squares)
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log w of each pose (3, n) of the robot for a scan, (n,)."""
@@ -317,16 +317,17 @@ class BeamCubes:
         counted = self.informative(ranges)
         max_range = self.lidar.max_range
         # below the sensor's least range is as no return, and so is infinitely far
-        told = np.where((ranges >= 0.0) & (ranges <= max_range), ranges, max_range)[counted]
+        measured = np.where((ranges >= 0.0) & (ranges <= max_range), ranges, max_range)[counted]
         metres = metres_in(self.floor_plan)
         shares = float(self.hit), float(self.short), float(self.max), float(self.rand)
         model = max_range * metres, self.sigma * metres, self.decay / metres
         out = np.zeros(states.shape[1])
-        for start in range(0, out.size if told.size else 0, _BLOCK):
-            some = states[:, start : start + _BLOCK]
-            expected = np.empty((told.size, some.shape[1]), np.float32)
+        for start in range(0, out.size if measured.size else 0, _BLOCK):
+            block = slice(start, start + _BLOCK)
+            some = states[:, block]
+            expected = np.empty((measured.size, some.shape[1]), np.float32)
             self.lidar.cast(self._stopping.cast, some, expected, counted)
-            beams_cubed(told * metres, expected, metres, shares, model, out[start : start + _BLOCK])
+            beams_cubed(measured * metres, expected, metres, shares, model, out[block])
         return out
 
     @cached_property

@@ -34,8 +34,8 @@ class PolygonRegion:
     corners: tuple[tuple[float, float], ...] = field(metadata=LENGTH)
 
     def __post_init__(self) -> None:
-        found = parse_polygon("the prior's polygon", self.corners, 1e-9, LARGEST)
-        object.__setattr__(self, "corners", found)
+        corners = parse_polygon("the prior's polygon", self.corners, 1e-9, LARGEST)
+        object.__setattr__(self, "corners", corners)
         if not self.area > 0:
             raise InputError("the prior's polygon has no area: give corners around a room.")
 
@@ -196,11 +196,11 @@ class GaussianPrior:
 
     def log_density(self, poses: Floats) -> Floats:
         """Log p(x_0) of poses (n, 3), the heading difference wrapped to [-π, π], (n,)."""
-        apart = np.asarray(poses, dtype=np.float64) - np.array(self.mean)
-        apart[:, 2] = arrays.wrapped(apart[:, 2])
+        offsets = np.asarray(poses, dtype=np.float64) - np.array(self.mean)
+        offsets[:, 2] = arrays.wrapped(offsets[:, 2])
         with np.errstate(divide="ignore", invalid="ignore"):
             log_density: Floats = (
-                -0.5 * np.square(apart / self._sd) - arrays.log(self._sd * np.sqrt(2 * np.pi))
+                -0.5 * np.square(offsets / self._sd) - arrays.log(self._sd * np.sqrt(2 * np.pi))
             ).sum(axis=1)
         return log_density
 
@@ -308,8 +308,8 @@ class MixturePrior:
         chosen = rng.choice(len(self.parts), n, p=self.weights)
         poses = np.empty((n, 3))
         for index, part in enumerate(self.parts):
-            own = chosen == index
-            poses[own] = part.sample(int(own.sum()), rng)
+            rows = chosen == index
+            poses[rows] = part.sample(int(rows.sum()), rng)
         return poses
 
     def log_density(self, poses: Floats) -> Floats:
