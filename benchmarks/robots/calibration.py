@@ -161,12 +161,21 @@ def doubts_by(log: Log, floor_plan: Map) -> list[str]:
 
 
 def late_words(
-    what: str, times: Floats, odometry: Floats, stamps: Floats, poses: Floats
+    what: str,
+    times: Floats,
+    odometry: Floats,
+    stamps: Floats,
+    poses: Floats,
+    clock: str = "odometry",
 ) -> str | None:
-    """Say how late poses are, by when they turn and the odometry does; None if they hardly are."""
+    """Say how late poses are, by when they turn and the odometry does; None if they hardly are.
+
+    An offset that leaves half of the turns, or more, explains nothing.
+    """
     headings, first, last = np.unwrap(odometry[:, 2]), stamps[:-1], stamps[1:]
     inside = (first >= times[0]) & (last <= times[-1]) & (last - first < _PAUSE)
-    first, last, turns = (a[inside] for a in (first, last, np.diff(poses[:, 2])))
+    turns = arrays.wrapped(np.diff(poses[:, 2]))
+    first, last, turns = first[inside], last[inside], turns[inside]
 
     def off(offset: Floats) -> Floats:
         before, after = (np.interp(at - offset, times, headings) for at in (first, last))
@@ -174,11 +183,12 @@ def late_words(
 
     starts = [np.array([offset]) for offset in sorted(np.arange(-_LATEST, _LATEST, 0.1), key=abs)]
     (late,), (sd,) = _least(turns.size, [off], starts, [0.1])
-    if abs(late) - _SURE * sd <= np.median(np.diff(times)):
+    hardly = abs(late) - _SURE * sd <= np.median(np.diff(times))
+    if hardly or np.abs(off(np.array([late]))).sum() >= np.abs(turns).sum() / 2:
         return None
     word, remedy = ("late", "subtract") if late > 0 else ("early", "add")
     return (
-        f"{what} seems {abs(late):.2f} s (± {sd:.2f}) {word}, by when it turns and the odometry "
+        f"{what} seems {abs(late):.2f} s (± {sd:.2f}) {word}, by when it turns and the {clock} "
         f"does: {remedy} that in its stamps; until then errors grow with the speed."
     )
 

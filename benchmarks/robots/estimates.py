@@ -34,7 +34,7 @@ from deqmcl_gym.logs.trajectory import read_estimate
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
 
-_ENDINGS = r"\.(tum|csv|txt|bag|mcap|db3)$"
+_ENDINGS = r"\.(tum|csv|txt|bag|mcap|db3)(\.gz)?$"
 _ALL = 0.99  # share of the records that an estimate must cover, else there is a warning
 
 
@@ -174,6 +174,7 @@ def score(
     ]
     if isinstance(by, Played):
         clock, posed = (by.whole.times, by.whole.odometry), by.whole.posed
+        whose = "odometry"
         if by.whole.reference is not None:
             reference = by.whole.times[posed], by.whole.reference[posed]
             warnings.append(late_words("the reference", *clock, *reference))
@@ -183,14 +184,14 @@ def score(
         )
         how += "" if by.log.referenced.size else f" {NO_ERROR}"
     else:
-        clock = by.times, by.poses
+        clock, whose = (by.times, by.poses), "reference"
         counts = ", ".join(f"{label} {len(poses):,}" for label, poses in covered.items())
         how = (
             f"Scored at the estimates' own times: {counts} poses within the reference, which is "
             "interpolated in straight lines; give --log to follow the odometry. Metres are those "
             "of the reference."
         )
-    warnings += [late_words(n, *clock, est.times, est.poses) for n, est in estimates.items()]
+    warnings += [late_words(n, *clock, est.times, est.poses, whose) for n, est in estimates.items()]
     texts = [
         *accuracy(pd.concat([*ours, plain])),
         *(table.text() for table in tables_of(runs)),

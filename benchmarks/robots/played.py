@@ -85,7 +85,7 @@ class Replay:
         setup, log = self.scenario, self.log
         motion = ", ".join(f"{name} {value:.3g}" for name, value in vars(self.motion).items())
         places = log.scanner.places
-        at = " and ".join(f"({x:g}, {y:g})" for x, y in places)
+        at = " and ".join(f"({x:g}, {y:g})" for x, y in np.round(places, 4) + 0.0)
         mounted = f" The scanner is mounted at {at} {log.unit} on it, ahead and left."
         changed = values_among(self.world, "changed_walls.")
         walls = ", ".join(f"{name} {value}" for name, value in changed.items())

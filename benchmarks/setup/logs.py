@@ -244,7 +244,7 @@ def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
         raise InputError(
             f"{log.source} has {len(steps[0])} stretches with movement between poses of its "
             "reference, too few to estimate the noise of the motion, which needs "
-            f"{LEAST_STEPS}: give it by --motion, or in a scenario by assumed.motion."
+            f"{LEAST_STEPS}: give assumed.motion."
         )
     fitted = type(least).fitted(*steps)
     noise = [name for name in vars(least) if name != "still"]

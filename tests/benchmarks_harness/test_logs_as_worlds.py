@@ -270,7 +270,7 @@ def test_what_cannot_be_estimated_from_is_refused_with_what_to_give_instead():
     log = log_of(meant, meant)
     with pytest.raises(InputError, match="no reference: give the noise of the motion instead"):
         motion_noise(Log(log.scanner, log.times, log.odometry, log.ranges))
-    with pytest.raises(InputError, match=r"has 9 stretches .* needs 10: give it by --motion"):
+    with pytest.raises(InputError, match=r"has 9 stretches .* needs 10: give assumed.motion"):
         motion_noise(log.segment(0, 10))
     with pytest.raises(InputError, match="has 4 stretches"):
         motion_noise(log_of(meant, meant, every=5))
