@@ -124,15 +124,15 @@ def evaluate(
     name = one_of("task", task.removeprefix("deqmcl_gym/"), REFERENCES)
     count = integer("episodes", episodes, low=1)
     if isinstance(reference, str):
-        known = isinstance(policy, str) and policy == reference
-        reference = None if known else evaluate(
+        same = isinstance(policy, str) and policy == reference
+        reference = None if same else evaluate(
             name, reference, episodes=count, reference=None, **made
         )  # fmt: skip
     if isinstance(policy, str):
         one_of(f"policy of {name}", policy, REFERENCES[name])
-        words = policy
+        title = policy
     else:
-        words = getattr(policy, "__name__", type(policy).__name__)
+        title = getattr(policy, "__name__", type(policy).__name__)
     rows = []
     for seed in range(count):
         office = {"floor_plan": {"office": {**OFFICE, "seed": seed % BUILDINGS}}}
@@ -146,15 +146,15 @@ def evaluate(
             f"the reference has {len(reference.episodes)} episodes, but {count} are played: "
             "evaluate it in as many."
         )
-    return Evaluation(name, words, frame, reference)
+    return Evaluation(name, title, frame, reference)
 
 
 class Counted(gym.Wrapper[Any, Any, Any, Any]):
     """Counts what is driven and paid in an episode, whatever wrappers are around it."""
 
-    def reset(self, **given: Any) -> Any:
+    def reset(self, **arguments: Any) -> Any:
         """Begin an episode."""
-        seen, info = self.env.reset(**given)
+        seen, info = self.env.reset(**arguments)
         self._at = info["truth"]
         self.counts = {"return": 0.0, "steps": 0, "metres": 0.0, "contacts": 0, "scans": 0}
         return seen, info

@@ -65,17 +65,17 @@ def sweep(
             ``{"params.mcl.particles": 300, "world.lidar.beams": 9}``.
         keys: others of a sweep file: trials, seed, lag, world, assumed, params, baseline, ….
     """
-    given, factories = as_toml(keys), dict[str, Factory]()
+    document, factories = as_toml(keys), dict[str, Factory]()
     if localizers:
         listed, factories = named_localizers(localizers)
-        given["localizers"] = as_toml(listed)
+        document["localizers"] = as_toml(listed)
     if vary:
         axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
-        given["vary"] = as_toml(axes)
+        document["vary"] = as_toml(axes)
     with knowing(factories):
         base = of if isinstance(of, Sweep) else sweep_named(str(of))
-        made = sweep_of(given, title=base.title, base=base)
-        if localizers and "baseline" not in given and base.baseline not in made.names:
+        made = sweep_of(document, title=base.title, base=base)
+        if localizers and "baseline" not in document and base.baseline not in made.names:
             made = replace(made, baseline="")
         made = with_settings(made, as_toml(settings))
         refuse_idle(made)
@@ -180,9 +180,9 @@ class ExperimentResults:
         labels = table["label"].astype(str)
         for name in others:
             labels = labels + f", {name} = " + table[name].map(str)
-        known = table.assign(label=labels)[table[over].notna()].sort_values(over, kind="stable")
+        rows = table.assign(label=labels)[table[over].notna()].sort_values(over, kind="stable")
         with styled():
-            axes = line(known, over, value, f"{value}_low", f"{value}_high")
+            axes = line(rows, over, value, f"{value}_low", f"{value}_high")
             axes.set(xlabel=over, ylabel=value)
             return cast("Figure", axes.figure)
 
@@ -195,8 +195,8 @@ class ExperimentResults:
         """Return what the command prints."""
         if not self.files:
             return repr(self)
-        said = summary(self.sweep, self.results, self.files[0].parent, self.files)
-        return f"{said}\n{conclusion(self.results)}"
+        text = summary(self.sweep, self.results, self.files[0].parent, self.files)
+        return f"{text}\n{conclusion(self.results)}"
 
     def __repr__(self) -> str:
         lines = [conclusion(self.results), incomplete_sentence(self.results)]
@@ -228,13 +228,13 @@ def run(
         world: dict[str, Any] = {"scenario": scenario, "seed": seed, "trials": trial + 1}
         of = Sweep(title=scenario, localizers=(method,), **world)
         stage = Stage.of(of.distinct()[trial])
-        camera, words = camera_of(stage), str(method)
+        camera, title = camera_of(stage), str(method)
         for step in stage.moments():
-            yield step._replace(draw=partial(_picture, camera, step, words))
+            yield step._replace(draw=partial(_picture, camera, step, title))
 
 
-def _picture(camera: Camera, step: Step, method: str) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(camera.frame(step, [f"{method}, t = {step.t}"]))
+def _picture(camera: Camera, step: Step, title: str) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(camera.frame(step, [f"{title}, t = {step.t}"]))
 
 
 def named_localizers(localizers: Any) -> tuple[list[Any], dict[str, Factory]]:
@@ -274,8 +274,8 @@ def as_toml(value: Any) -> Any:
     if isinstance(value, Named):
         return {"name": value.name, "params": as_toml(value.params)}
     if isinstance(value, Mapping):
-        return {name: as_toml(own) for name, own in value.items()}
-    return [as_toml(own) for own in value] if isinstance(value, list | tuple | range) else value
+        return {name: as_toml(item) for name, item in value.items()}
+    return [as_toml(item) for item in value] if isinstance(value, list | tuple | range) else value
 
 
 def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:

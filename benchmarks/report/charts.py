@@ -150,7 +150,7 @@ def cells(
     from matplotlib.figure import Figure
 
     across, upwards = (sorted(frame[name].unique()) for name in (x, y))
-    squares = sorted(frame[square].unique(), key=lambda one: 0 if isinstance(one, str) else one)
+    squares = sorted(frame[square].unique(), key=lambda key: 0 if isinstance(key, str) else key)
     size = len(squares) * len(across) * 1.2 + 1, len(upwards) * 0.72 + 1
     figure = Figure(figsize=size, layout="constrained")
     most = max(least, float(frame[value].abs().max()))
@@ -174,8 +174,8 @@ def cells(
 def _labels(frame: pd.DataFrame) -> Iterator[tuple[str, tuple[str, str], pd.DataFrame]]:
     """Labels in the order of the frame, colour and mark of their places among all, their rows."""
     labels = list(frame["label"].unique())
-    whole = isinstance(frame["label"].dtype, pd.CategoricalDtype)
-    every = list(frame["label"].cat.categories) if whole else labels
+    categorical = isinstance(frame["label"].dtype, pd.CategoricalDtype)
+    every = list(frame["label"].cat.categories) if categorical else labels
     for label in labels:
         place = every.index(label)
         look = f"C{place % 10}", _MARKS[(place + place // 10) % len(_MARKS)]
@@ -190,8 +190,8 @@ def _legend(axes: "Axes") -> None:
         return
     names = [fill(label, _LETTERS - 8) for label in labels]
     columns = max(1, min(4, len(labels), _LETTERS // (8 + max(map(len, labels)))))
-    lines_of_one = 1 + max(name.count("\n") for name in names)
-    rows = lines_of_one * math.ceil(len(labels) / columns)
+    lines_per_name = 1 + max(name.count("\n") for name in names)
+    rows = lines_per_name * math.ceil(len(labels) / columns)
     figure.legend(lines, names, loc="outside lower center", ncols=columns, frameon=False)
     figure.set_figheight(figure.get_figheight() + 0.2 * rows)
 
@@ -215,11 +215,11 @@ def points_chart(panel: Panel) -> Chart | None:
     axes = canvas(4.8, 0.9 + 0.42 * len(rows))
     faint = min(0.35, 8 / len(table))
     axes.plot(table.to_numpy().T, places, color=INK, alpha=faint, lw=0.7)
-    for place, (label, (color, mark), own) in enumerate(_labels(rows)):
+    for place, (label, (color, mark), row) in enumerate(_labels(rows)):
         marks = axes.plot(table[label], np.full(len(table), place), mark, color=color, ls="")
         marks[0].set(ms=4, mew=0, alpha=0.75)
-        axes.plot(own[["error_low", "error_high"]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
-        axes.plot(own["error"], [place - 0.3], "|", color=INK, ms=8, mew=2)
+        axes.plot(row[["error_low", "error_high"]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
+        axes.plot(row["error"], [place - 0.3], "|", color=INK, ms=8, mew=2)
     axes.set_yticks(places, [fill(str(label), 28) for label in rows["label"]])
     axes.set(ylim=(len(rows) - 0.5, -0.6), xlim=(0, None))
     axes.set_xlabel("error e of x[t], mean over the lap")
@@ -238,7 +238,7 @@ def offset_chart(panel: Panel) -> Chart | None:
     curves = [
         errors_by_offset(records).assign(label=label) for label, records in panel.records.items()
     ]
-    if all(len(own) < 2 for own in curves):
+    if all(len(curve) < 2 for curve in curves):
         return None
     axes = line(panel.labelled(pd.concat(curves)), "offset", "mean", "low", "high")
     axes.axvline(0, color=INK, lw=0.8)
@@ -266,7 +266,7 @@ def journey_charts(panel: Panel) -> list[Chart]:
             share_curve(whole_runs(panel.runs_of(label), JOURNEY_SCORES[name])).assign(label=label)
             for label in panel.present["label"]
         ]
-        last = [own.tail(1).assign(metres=end) for own in curves]  # each goes on to the end
+        last = [curve.tail(1).assign(metres=end) for curve in curves]  # each goes on to the end
         frame = panel.labelled(pd.concat([*curves, *last]))
         frame[["share", "low", "high"]] *= 100
         axes = line(frame, "metres", "share", "low", "high", band=True, drawstyle="steps-post")
@@ -297,8 +297,8 @@ def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
         return []
     places = [place_of(panel) for panel in panels]
     axes = swept_axes(places)
-    apart = {tuple(place.get(key) for key in axes) for place in places}
-    mapped = len(axes) in (2, 3) and len(apart) == len(places)
+    points = {tuple(place.get(key) for key in axes) for place in places}
+    mapped = len(axes) in (2, 3) and len(points) == len(places)
     if mapped and all(panel.aim for panel in panels) and (maps := _maps(panels, places, [*axes])):
         return maps
     charts = list[Chart]()
@@ -309,7 +309,7 @@ def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
                 rest = frozenset((k, v) for k, v in place.items() if k not in (key, *others))
                 groups.setdefault(rest, []).append(n)
         shared = frozenset.intersection(*groups)
-        groups = {rest: own for rest, own in groups.items() if len(own) > 1}
+        groups = {rest: members for rest, members in groups.items() if len(members) > 1}
         for rest, members in groups.items():
             where = ", ".join(
                 f"{name_of(name)} {value}" for name, value in sorted(rest - shared, key=str)
@@ -327,7 +327,7 @@ def place_of(panel: Panel) -> dict[str, Any]:
     setting = panel.setting
     disturbed = ", ".join(map(disturbance_words, setting.disturbance)) or "undisturbed"
     parts = {"world": setting.world, "assumed": setting.assumed, "params": panel.swept}
-    named = {f"{part}.{name}": v for part, own in parts.items() for name, v in own.items()}
+    named = {f"{part}.{name}": v for part, values in parts.items() for name, v in values.items()}
     return {
         "scenario": setting.scenario, "disturbance": disturbed, "lag": setting.lag,
         "seed": setting.seed, **named,
@@ -338,15 +338,15 @@ def swept_axes(places: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
     """Coordinates with two numbers or more, with those of fewer values that change with them."""
     keys = dict.fromkeys(key for place in places for key in place if key != "seed")
     varying = [key for key in keys if len({p[key] for p in places if is_number(p.get(key))}) > 1]
-    found: dict[str, list[str]] = {}
+    axes: dict[str, list[str]] = {}
     for key in varying:
-        if any(key in others for others in found.values()):
+        if any(key in others for others in axes.values()):
             continue
         group = [key, *(k for k in varying if k != key and _together(key, k, places))]
         values = {k: [place.get(k) for place in places] for k in group}
         axis = max(group, key=lambda k: list(values.values()).count(values[k]))
-        found[axis] = [k for k in group if k != axis]
-    return found
+        axes[axis] = [k for k in group if k != axis]
+    return axes
 
 
 def name_of(key: str) -> str:
@@ -354,8 +354,8 @@ def name_of(key: str) -> str:
     return key.removeprefix("world.").removeprefix("params.")
 
 
-def _together(one: str, other: str, places: Sequence[dict[str, Any]]) -> bool:
-    pairs = {(place[one], place[other]) for place in places if one in place and other in place}
+def _together(key: str, other: str, places: Sequence[dict[str, Any]]) -> bool:
+    pairs = {(place[key], place[other]) for place in places if key in place and other in place}
     return bool(pairs) and len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
 
 
@@ -376,8 +376,8 @@ def _curve(
     swept, place = name_of(key), f": {where}" if where else ""
     over = swept + (f" (with {', '.join(map(name_of, others))})" if others else "")
     axes.set(xlabel=over, ylabel=unit)
-    known = rows.loc[np.isfinite(rows["score"]) & (rows["score"] > 0), "score"]
-    if aim is None and len(known) and known.max() / known.min() > _WIDE:
+    positive = rows.loc[np.isfinite(rows["score"]) & (rows["score"] > 0), "score"]
+    if aim is None and len(positive) and positive.max() / positive.min() > _WIDE:
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter("{x:g}")
     else:
@@ -393,18 +393,18 @@ def _maps(
     panels: Sequence[Panel], places: Sequence[dict[str, Any]], keys: Sequence[str]
 ) -> list[Chart]:
     """Maps over two numbers of the share of runs, over three of each test of each method."""
-    told = {key: f"{key}, °" if key == _ANGLE else name_of(key) for key in keys}
+    names = {key: f"{key}, °" if key == _ANGLE else name_of(key) for key in keys}
     frame = pd.concat(
         panel.present.assign(
             **{
                 name: np.degrees(place[key]).round(1) if key == _ANGLE else place[key]
-                for key, name in told.items()
+                for key, name in names.items()
             }
         )
         for panel, place in zip(panels, places, strict=True)
         if all(key in place for key in keys)
     )
-    x, y, *squares = told.values()
+    x, y, *squares = names.values()
     if not squares:
         return [_share_map(frame, x, y, panels[0].aim)] if panels[0].aim else []
     return [

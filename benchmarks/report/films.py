@@ -124,8 +124,8 @@ class Camera:
     def _clouds(self, belief: Belief) -> list[tuple[str, Color, tuple[Reals, Floats]]]:
         """The clouds that a belief holds, back to front: names, colours, points."""
         clouds = [
-            (f"{words} {state_name(sign * self.lag)}", color, belief.points(sign * self.lag))
-            for sign, color, words in _LAYERS
+            (f"{layer} {state_name(sign * self.lag)}", color, belief.points(sign * self.lag))
+            for sign, color, layer in _LAYERS
             if self.lag or sign == 0
         ]
         if isinstance(belief, HedgedBelief):
@@ -342,20 +342,20 @@ def pictures_of_paper(folder: Path) -> dict[str, bytes]:
 def films(panels: Sequence[Panel], folder: Path, *, draw: bool) -> tuple[list[Animation], str]:
     """Return the films of the first panel, and why there are none.
 
-    Those that the folder has not are drawn, if that is asked for, by workers: a plug-in that hangs
+    Those that the folder lacks are drawn, if that is asked for, by workers: a plug-in that hangs
     or exits there does no harm.
     """
     chosen = films_of(panels[0]) if panels else []
-    kept = []
+    stored = []
     for film in chosen:
         moving, still = (folder / IMAGES / f"{film.name}.{ending}" for ending in ("webp", "png"))
         if moving.is_file() and still.is_file():
-            kept.append(replace(film, webp=content_of(moving), png=content_of(still)))
-    if len(kept) == len(chosen) or not draw:
+            stored.append(replace(film, webp=content_of(moving), png=content_of(still)))
+    if len(stored) == len(chosen) or not draw:
         why = "the folder has none of these worlds; `deqmcl sweep` draws them."
-        return kept, "" if kept or not chosen else why
+        return stored, "" if stored or not chosen else why
     with Processes(available_cpus(), timeout=_PATIENCE) as pool:
-        promises = [pool.submit(filmed, one) for one in chosen]
+        promises = [pool.submit(filmed, film) for film in chosen]
         try:
             return [promise.result() for promise in promises], ""
         except InputError as error:
@@ -408,6 +408,6 @@ def _focus(rows: pd.DataFrame) -> pd.Series:
     if _LOCALIZED in rows and others[f"{_LOCALIZED}_restricted"].notna().any():
         return others.sort_values(f"{_LOCALIZED}_restricted", kind="stable").iloc[0]
     named = rows[rows["method"] == "deq-mcl"]
-    apart = others[others["diff"].notna()]
-    apart = apart.iloc[(-apart["diff"].abs()).argsort(kind="stable")]
-    return pd.concat([named, apart, rows]).iloc[0]
+    compared = others[others["diff"].notna()]
+    compared = compared.iloc[(-compared["diff"].abs()).argsort(kind="stable")]
+    return pd.concat([named, compared, rows]).iloc[0]

@@ -29,7 +29,7 @@ from benchmarks.report.films import (
 )
 from benchmarks.tables.text import short_name, short_names, state_name
 from benchmarks.trials.episode import Step
-from benchmarks.trials.scores import directions, heading_error, position_error, state_error
+from benchmarks.trials.scores import directions
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -254,7 +254,7 @@ def shown_again(trials: Sequence[Trial], path: Path) -> None:
 
 
 def _time(stage: Stage, moment: Step) -> float:
-    """Return when a moment is that was just run, s: its record's time; in a room 1 s a step."""
+    """Return the time of a moment that was just run, s: its record's; in a room 1 s a step."""
     if not isinstance(stage.room, LogEnv):
         return float(moment.t)
     at = stage.room.record.time
@@ -310,10 +310,10 @@ def _line(row: Mapping[str, Any], unit: str) -> str:
 def _curves_csv(trace: Trace) -> str:
     header = "offset,state,true_x,true_y,true_heading,x,y,error,position_error,heading_error"
     rows = [header]
-    for offset, kept in trace.offsets.items():
-        truth = trace.truth[kept.states]
-        errors = (of(kept.means, truth) for of in (state_error, position_error, heading_error))
-        for state, true, mean, *off in zip(kept.states, truth, kept.means, *errors, strict=True):
+    for offset, estimates in trace.offsets.items():
+        errors = estimates.error, estimates.distance, estimates.angle
+        columns = estimates.states, estimates.truth, estimates.means, *errors
+        for state, true, mean, *off in zip(*columns, strict=True):
             rows.append(",".join(map(str, (offset, state, *true, mean[0], mean[1], *off))))
     return "\n".join(rows) + "\n"
 
@@ -322,8 +322,8 @@ def trajectories(trace: Trace) -> dict[str, bytes]:
     """TUM files by name: truth, and means of beliefs at each offset; a step is 1 s, px stay px."""
     steps = np.arange(float(len(trace.truth)))
     files = {"trajectory_truth.tum": Trajectory(steps, trace.truth).tum}
-    for offset, kept in trace.offsets.items():
-        poses = np.column_stack([kept.means[:, :2], directions(kept.means)])
+    for offset, estimates in trace.offsets.items():
+        poses = np.column_stack([estimates.means[:, :2], directions(estimates.means)])
         name = f"trajectory_t{offset:+d}.tum" if offset else "trajectory_t.tum"
-        files[name] = Trajectory(kept.states.astype(np.float64), poses).tum
+        files[name] = Trajectory(estimates.states.astype(np.float64), poses).tum
     return files

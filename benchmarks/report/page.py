@@ -83,7 +83,7 @@ def write_report(
 ) -> list[Path]:
     """Write the tables, report.html and images/ of a sweep; return the files.
 
-    Films that the folder has not are drawn, unless ``draw`` is false; those and the figures ``of``
+    Films that the folder lacks are drawn, unless ``draw`` is false; those and the figures ``of``
     another folder are shown if it is given. results.csv and trials.csv depend on nothing but the
     trials; timings.csv and the page also tell times and versions. Without the extra
     ``report`` there are the tables only. A folder that holds files, but neither a sweep nor a
@@ -119,7 +119,7 @@ def _tables(results: Results) -> dict[str, bytes]:
         tables["decisions"] = csv_of(results.decisions)
     starts = starts_table(results.records, (failure.trial for failure in results.failures))
     further = {"plans": results.plans, "basin": starts}
-    tables |= {name: csv_of(own) for name, own in further.items() if len(own)}
+    tables |= {name: csv_of(table) for name, table in further.items() if len(table)}
     return {f"{name}.csv": utf8(text) for name, text in tables.items()}
 
 
@@ -166,7 +166,7 @@ def page_files(
         swept = swept_charts(panels)
         charts = [chart for content in parts for part in content for chart in part.charts]
         drawn = {chart.name: chart.drawn("svg") for chart in (*swept, *charts)}
-    telling = {
+    context = {
         "results": results,
         "conclusion": conclusion(results),
         "progress": progress(results),
@@ -187,7 +187,7 @@ def page_files(
         "environment": json.dumps(results.environment, indent=2),
         "drawn": drawn,
     }
-    page = _engine().get_template("report.html.jinja").render(telling)
+    page = _engine().get_template("report.html.jinja").render(context)
     contents = {"report.html": utf8(page)}
     contents |= {f"{IMAGES}/{name}.svg": svg for name, svg in drawn.items()}
     contents |= {f"{IMAGES}/{film.name}.webp": film.webp for film in animations}

@@ -165,7 +165,7 @@ def limits_of(
 ) -> list[tuple[str, str, str, str, float]]:
     """Read limits ``[ROW.]COLUMN > NUMBER``, of these rows if they are known.
 
-    Each is its words, row ("" is all), column, sign and number.
+    Each is its text, row ("" is all), column, sign and number.
     """
     limits = []
     for text in texts:

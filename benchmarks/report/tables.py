@@ -78,8 +78,8 @@ class Part(NamedTuple):
 
 def parted(cell: str) -> tuple[str, str]:
     """Return a number and the interval or SD behind it; "" if there is none."""
-    found = re.fullmatch(r"([+−\d][^()]*?) (\([^()]*\))", cell)
-    return (found[1], found[2]) if found else (cell, "")
+    match = re.fullmatch(r"([+−\d][^()]*?) (\([^()]*\))", cell)
+    return (match[1], match[2]) if match else (cell, "")
 
 
 def html_cell(text: str) -> str:
@@ -91,14 +91,14 @@ def html_cell(text: str) -> str:
 
 
 def words(rows: pd.DataFrame, write: Callable[..., str], *names: str) -> list[str]:
-    """Tell the values of columns, row by row."""
+    """Write the values of columns as text, row by row."""
     return [write(*values) for values in zip(*(rows[name] for name in names), strict=True)]
 
 
 def means(
     rows: pd.DataFrame, name: str, form: str = ".2f", unit: str = "", scale: float = 1
 ) -> list[str]:
-    """Tell means with the intervals of name_low and name_high, if there are any."""
+    """Write means with the intervals of name_low and name_high, if there are any."""
 
     def write(*ends: float) -> str:
         return estimated(Interval(*(scale * float(end) for end in ends)), form, unit)
@@ -111,13 +111,13 @@ def means(
 def differences(
     rows: pd.DataFrame, name: str, form: str = "+.2f", unit: str = "", scale: float = 1
 ) -> list[str]:
-    """Tell differences to the baseline in this way."""
+    """Write differences from the baseline likewise."""
     cells = zip(rows["is_baseline"], means(rows, name, form, unit, scale), strict=True)
     return ["baseline" if itself else cell for itself, cell in cells]
 
 
 def dashed(write: Callable[[float], str]) -> Callable[[float], str]:
-    """Tell a number; – if there is none."""
+    """Return ``write``, but with – for NaN."""
     return lambda value: "–" if math.isnan(value) else write(value)
 
 
@@ -203,8 +203,8 @@ def _score_columns(rows: pd.DataFrame, score: Score) -> Cells:
     columns = {score.words: [cell.replace("inf", "never") for cell in numbers]}
     if score.tested:
         of = "" if share else f" of {score.words.partition(',')[0]}"
-        apart = differences(rows, f"{name}_diff", f"+.{digits}f", scale=scale)
-        columns[f"difference, {unit} (95 %)"] = apart
+        cells = differences(rows, f"{name}_diff", f"+.{digits}f", scale=scale)
+        columns[f"difference, {unit} (95 %)"] = cells
         columns[f"p{of}, Holm"] = words(rows, dashed(p_value), f"{name}_p_holm")
     return columns
 
@@ -220,13 +220,13 @@ def glance_table(panels: Sequence[Panel]) -> Table:
         rows, tell = panel.ranked, percent if panel.aim else fixed
         turned = _OF_SHARES if panel.aim else {}
         cells = zip(rows["label"], rows["score"], rows["relation"], strict=True)
-        marked = {
+        text = {
             label: f"{tell(score)} {_MARKED.get(turned.get(relation, relation), '')}".rstrip()
             for label, score, relation in cells
         }
         best = rows.loc[rows["order"] == rows["order"].iloc[0], "label"]
         strong += [(n, 1 + labels.index(label)) for label in best]
-        lines.append([f"{panel.number}. {panel.where}", *(marked.get(one, "–") for one in labels)])
+        lines.append([f"{panel.number}. {panel.where}", *(text.get(name, "–") for name in labels)])
     scores = dict.fromkeys(panel.aim.words if panel.aim else "error e of x[t]" for panel in panels)
     about = {"scores": scores, "common": common_words({panel.setting: None for panel in panels})}
     return Table("glance", pd.DataFrame(lines, columns=["setting", *labels]), strong, about)
@@ -251,11 +251,11 @@ def nees_words(*ends: float) -> str:
     """A NEES with one decimal; a large one, which is far from 3 anyhow, with three digits."""
     if not ends[0] >= 100:
         return estimated(Interval(*ends), ".1f")
-    return estimated(Interval(*(float(f"{one:.3g}") for one in ends)), ",.0f")
+    return estimated(Interval(*(float(f"{end:.3g}") for end in ends)), ",.0f")
 
 
 def detection_table(panel: Panel) -> Table | None:
-    """The AUROC of each method; None if no method gives a quality and was far off, not always."""
+    """The AUROC of each method; None if none has one: no quality, or no step far, or all."""
     rows, far = panel.present, f"e > {panel.thresholds.far:g} {panel.unit}"
     if rows["auroc"].isna().all():
         return None
@@ -274,13 +274,10 @@ def detection_table(panel: Panel) -> Table | None:
 
 def failed_table(results: Results) -> Table | None:
     """The trials that failed, and why."""
+    failures = [(failure.trial, failure.reason) for failure in results.failures]
     lines = [
-        (
-            f"{one.trial.localizer} on {one.trial.scenario}, world {one.trial.trial}, filter seed "
-            f"{one.trial.filter_seed}",
-            one.reason,
-        )
-        for one in results.failures
+        (f"{t.localizer} on {t.scenario}, world {t.trial}, filter seed {t.filter_seed}", reason)
+        for t, reason in failures
     ]
     return Table("failed", pd.DataFrame(lines, columns=["trial", "reason"])) if lines else None
 

@@ -65,9 +65,9 @@ def tracked(panel: Panel) -> tuple[pd.DataFrame, Map] | None:
 
 def track_parts(panel: Panel) -> list[Part]:
     """Return tables and charts of runs on a log; none of other runs."""
-    if (there := tracked(panel)) is None:
+    if (runs_and_map := tracked(panel)) is None:
         return []
-    runs, floor_plan = there
+    runs, floor_plan = runs_and_map
     note = (
         "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and its "
         "neighbours, the one place that it favours. The cross is where the robot was when it was "
@@ -81,12 +81,12 @@ def track_parts(panel: Panel) -> list[Part]:
 
 
 def tables_of(runs: pd.DataFrame, without: Collection[str] = ()) -> list[Table]:
-    """Return the scores as readable tables, without these columns; with no reference one."""
+    """Return the scores as readable tables, without these columns; one without a reference."""
     tracks, rows = list(ended(runs)["track"]), scores_by_localizer(runs)
     if rows.empty:
         return []
 
-    def told(name: str, write: Callable[[float], str]) -> list[str]:
+    def cells(name: str, write: Callable[[float], str]) -> list[str]:
         return words(rows, partial(_score_words, write), name)
 
     def counts(name: str, of: pd.Series) -> list[str]:
@@ -95,39 +95,39 @@ def tables_of(runs: pd.DataFrame, without: Collection[str] = ()) -> list[Table]:
 
     metres = "{:.3f} m".format
     first = {"localizer": list(rows["label"]), "runs": words(rows, str, "seeds")}
-    timed = {"ms per step": told("ms_per_step", "{:.2f}".format)}
+    timed = {"ms per step": cells("ms_per_step", "{:.2f}".format)}
     fitting = {
-        "beams within 0.1 m": told("agreement_01", percent),
-        "0.3 m": told("agreement_03", percent),
+        "beams within 0.1 m": cells("agreement_01", percent),
+        "0.3 m": cells("agreement_03", percent),
     }
     if not any(track.known.size for track in tracks):
         return [Table("agreement", pd.DataFrame(first | fitting | timed))]
     results = {
         **first,
-        "within 1 m, 30°": told("within_1m", percent),
-        "0.5 m, 10°": told("within_05m", percent),
+        "within 1 m, 30°": cells("within_1m", percent),
+        "0.5 m, 10°": cells("within_05m", percent),
         _TO_THE_END: counts("success_1m", rows["seeds"]),
         # of a failed run it is not known
         "lost": counts("lost", rows["seeds"] - rows["failed"]),
-        "position, median": told("position_median", metres),
-        "95 %": told("position_p95", metres),
-        "heading, median": told("heading_median", _degrees),
-        "metres to localize": told("metres_to_localize", "{:.1f} m".format),
+        "position, median": cells("position_median", metres),
+        "95 %": cells("position_p95", metres),
+        "heading, median": cells("heading_median", _degrees),
+        "metres to localize": cells("metres_to_localize", "{:.1f} m".format),
         **timed,
     }
     beliefs = {
         **first,
-        **{f"inside {level} %": told(f"coverage_{level}", percent) for level in LEVELS},
-        "NEES (3)": told("nees", nees_words),
-        "log score": told("log_score", "{:,.2f}".format),
-        "APE, rmse": told("ape_rmse", metres),
-        "RPE": told("rpe_rmse", metres),
+        **{f"inside {level} %": cells(f"coverage_{level}", percent) for level in LEVELS},
+        "NEES (3)": cells("nees", nees_words),
+        "log score": cells("log_score", "{:,.2f}".format),
+        "APE, rmse": cells("ape_rmse", metres),
+        "RPE": cells("rpe_rmse", metres),
         **fitting,
     }
     between = any(track.at_stamps.size < track.known.size for track in tracks)
     if between:
-        beliefs["position, median, at stamps"] = told("position_median_stamps", metres)
-        beliefs["heading"] = told("heading_median_stamps", _degrees)
+        beliefs["position, median, at stamps"] = cells("position_median_stamps", metres)
+        beliefs["heading"] = cells("heading_median_stamps", _degrees)
     return [
         Table("accuracy", pd.DataFrame(results).drop(columns=[*without])),
         Table("beliefs", pd.DataFrame(beliefs), about=between),
@@ -135,7 +135,7 @@ def tables_of(runs: pd.DataFrame, without: Collection[str] = ()) -> list[Table]:
 
 
 def _score_words(write: Callable[[float], str], value: float) -> str:
-    """Tell a score; metres that are infinite were never enough."""
+    """Write a score; metres that are infinite were never enough."""
     if not math.isfinite(value):
         return "n/a" if math.isnan(value) else "never"
     return write(value)
@@ -148,23 +148,23 @@ def _degrees(angle: float) -> str:
 def accuracy(runs: pd.DataFrame) -> list[str]:
     """Say how exact the localizers are, the best first, and what the worst run of all was."""
     done = ended(runs)
-    known = done[[bool(track.known.size) for track in done["track"]]]
-    if known.empty:
+    referenced = done[[bool(track.known.size) for track in done["track"]]]
+    if referenced.empty:
         return []
-    rows = scores_by_localizer(runs[runs["label"].isin(known["label"])]).sort_values(
+    rows = scores_by_localizer(runs[runs["label"].isin(referenced["label"])]).sort_values(
         "position_median"
     )
     errors = ", ".join(words(rows, "{} {:.3f} m".format, "label", "position_median"))
-    worst = worst_run(known)
-    said = f"Worst run: {_whose(worst, runs)}: {run_words(worst)}"
-    farthest = max((run for _, run in known.iterrows()), key=_largest)
+    worst = worst_run(referenced)
+    remark = f"Worst run: {_whose(worst, runs)}: {run_words(worst)}"
+    farthest = max((run for _, run in referenced.iterrows()), key=_largest)
     if f"{_largest(farthest):.2f}" != f"{_largest(worst):.2f}":
-        said += f" The largest error is {_largest(farthest):.2f} m, of {_whose(farthest, runs)}."
-    return [f"Position error, median over all records: {errors}. {said}"]
+        remark += f" The largest error is {_largest(farthest):.2f} m, of {_whose(farthest, runs)}."
+    return [f"Position error, median over all records: {errors}. {remark}"]
 
 
 def published(runs: pd.DataFrame) -> list[str]:
-    """Say as what each localizer's covariance is published, to be pasted: medians over runs."""
+    """Say how each localizer's covariance is calibrated, ready to be pasted: medians over runs."""
     done = ended(runs)
     if done[_CALIBRATION].isna().all(axis=None):
         return []
@@ -205,21 +205,20 @@ def differences_table(panel: Panel) -> Table | None:
     ):
         columns[title] = means(rows, f"{name}_diff", form, scale=scale)
         columns[f"p, Holm ({what})"] = words(rows, p_value, f"{name}_p_holm")
-        needed = [_needed(panel, name, row) for _, row in rows.iterrows()]
-        columns[f"runs needed ({what})"] = needed
+        columns[f"runs needed ({what})"] = [_needed(panel, name, r) for _, r in rows.iterrows()]
     return Table("", pd.DataFrame(columns))
 
 
 def _needed(panel: Panel, score: str, row: pd.Series) -> str:
     """How many runs would show a difference; – where it is shown, or there is none."""
-    runs = [panel.runs_of(row[one]) for one in ("label", "reference")]
-    pairs = paired_worlds(*(whole_runs(own, JOURNEY_SCORES[score]) for own in runs))
-    apart = pairs["apart"].to_numpy()
-    mean, sd = abs(float(apart.mean())) if apart.size else 0.0, sample_sd(apart)
+    runs = [panel.runs_of(row[column]) for column in ("label", "reference")]
+    pairs = paired_worlds(*(whole_runs(rows, JOURNEY_SCORES[score]) for rows in runs))
+    differences = pairs["apart"].to_numpy()
+    mean, sd = abs(float(differences.mean())) if differences.size else 0.0, sample_sd(differences)
     low, high = row[f"{score}_diff_low"], row[f"{score}_diff_high"]
     clear = (low > 0 or high < 0) and row[f"{score}_p_holm"] < ALPHA
     needed = 0 if clear or not sd >= 0 or not mean else worlds_to_see(mean, sd, panel.tests)
-    return "–" if needed <= len(apart) else f"about {rounded(needed)}"
+    return "–" if needed <= len(differences) else f"about {rounded(needed)}"
 
 
 def run_words(run: pd.Series) -> str:
@@ -230,7 +229,7 @@ def run_words(run: pd.Series) -> str:
     within = f"{percent(run[f'within_{FOUND}'])} of its records are within 1 m and 30°"
     most = f"its largest error is {_largest(run):.2f} m"
     if track.lost is None:
-        end = "to" if run[REACHED] else "at"  # of the last quarter, or but lately
+        end = "to" if run[REACHED] else "at"  # of the last quarter, or only lately
         for first, last in sorted(track.astray, key=np.ptp)[-1:]:
             within += f", the longest stretch beyond from {first:.1f} to {last:.1f} m"
         return f"localized {end} the end; {within}, {most}."

@@ -16,7 +16,7 @@ from benchmarks.tables.stats import ALPHA, Interval
 from benchmarks.tables.text import BLIND, interval, p_value, percent, short_name, significant
 
 AT_ALL_LOOKS = "95 % at all looks"  # what an interval of a decided comparison is
-_COVERAGE_APART = 0.1  # difference of shares inside a region that is told
+_COVERAGE_APART = 0.1  # difference of shares inside a region that is worth a sentence
 
 
 def conclusion(results: Results) -> str:
@@ -32,28 +32,28 @@ def verdict_on(panel: Panel) -> str:
     if ranked["score"].isna().all():
         if not any(panel.records.values()):
             return "No trial is finished."
-        known = "position_median" in panel.present.dropna(axis="columns", how="all")
-        return "Whether runs end localized is not known." if known else "No error is known."
+        measured = "position_median" in panel.present.dropna(axis="columns", how="all")
+        return "Whether runs end localized is not known." if measured else "No error is known."
     winner = _winner(ranked)
-    said = [_sentence(panel, ranked)]
+    sentences = [_sentence(panel, ranked)]
     worse = ranked.loc[ranked["relation"] == "worse", "label"]
     if winner.relation == "better":
         if winner.method == BLIND and len(filters := ranked[ranked["method"] != BLIND]):
-            said.append(f"Of the methods that use scans: {_sentence(panel, filters)}")
+            sentences.append(f"Of the methods that use scans: {_sentence(panel, filters)}")
     elif worse.empty:
-        said = [_on_a_log(panel) or said[0]]
+        sentences = [_on_a_log(panel) or sentences[0]]
     elif "position_median" in panel.present:  # on a log
-        said.append(f"Worse: {', '.join(worse)}.")
-    said += [
+        sentences.append(f"Worse: {', '.join(worse)}.")
+    sentences += [
         f"{label} has Nav2's defaults, while the motion noise and the power of the scans that the "
         "others assume are fitted to this log: deqmcl tune fits it, too."
         for label in _unfitted(panel)
     ]
-    said += [
+    sentences += [
         f"Plug-in {row.label}: {_reached(panel, row)}, {row.relation}."
         for row in _plug_ins(panel, winner)
     ]
-    return " ".join(said)
+    return " ".join(sentences)
 
 
 def progress(results: Results) -> str:
@@ -85,19 +85,19 @@ def rounded(worlds: int) -> str:
 
 
 def _of_several(panels: Sequence[Panel], results: Results) -> str:
-    known = [(p, r) for p in panels if not (r := p.ranked)["score"].isna().all()]
-    if not known:
+    settings = [(p, r) for p in panels if not (r := p.ranked)["score"].isna().all()]
+    if not settings:
         return "No trial is finished."
     references = {
         label for p in panels for label in p.present.loc[~p.present["is_baseline"], "reference"]
     }
     baseline = references.pop() if len(references) == 1 else short_name(results.baseline)
-    n = len(known)
-    if all(ranked["is_baseline"].all() for _, ranked in known):
-        ends = sorted(known, key=lambda one: one[1]["order"].iloc[0])
-        told = [f"{_brief(p, _winner(r))} in {p.where}" for p, r in (ends[0], ends[-1])]
-        return f"{n} settings, nothing to compare in them: {' to '.join(told)}."
-    winners = [_winner(ranked) for _, ranked in known]
+    n = len(settings)
+    if all(ranked["is_baseline"].all() for _, ranked in settings):
+        ordered = sorted(settings, key=lambda setting: setting[1]["order"].iloc[0])
+        extremes = [f"{_brief(p, _winner(r))} in {p.where}" for p, r in (ordered[0], ordered[-1])]
+        return f"{n} settings, nothing to compare in them: {' to '.join(extremes)}."
+    winners = [_winner(ranked) for _, ranked in settings]
     best = Counter(row.label for row in winners if row.relation == "better")
     others = ", ".join(f"{label} in {count}" for label, count in best.most_common()[1:])
     open_ = n - best.total()
@@ -105,27 +105,27 @@ def _of_several(panels: Sequence[Panel], results: Results) -> str:
     if best:
         leader, most = best.most_common(1)[0]
         more = "; ".join(filter(None, (others, none)))
-        said = f"{leader} is best in {most} of {n} settings{': ' * bool(more)}{more}."
+        sentence = f"{leader} is best in {most} of {n} settings{': ' * bool(more)}{more}."
     else:
-        said = f"In none of {n} settings is a method confirmed to be better than {baseline}."
+        sentence = f"In none of {n} settings is a method confirmed to be better than {baseline}."
     plug_ins = Counter(
         (row.label, row.relation)
-        for (panel, _), winner in zip(known, winners, strict=True)
+        for (panel, _), winner in zip(settings, winners, strict=True)
         for row in _plug_ins(panel, winner)
     )
-    told = [f"Plug-in {label}: {what} in {k} of {n}." for (label, what), k in plug_ins.items()]
-    return " ".join([said, *told])
+    further = [f"Plug-in {label}: {what} in {k} of {n}." for (label, what), k in plug_ins.items()]
+    return " ".join([sentence, *further])
 
 
 def plug_in_labels(panel: Panel) -> set[str]:
     """Return the methods whose localizer or agent is somebody's own."""
-    return {label for label, one in panel.methods.items() if is_plug_in(one.name, one.agent)}
+    return {label for label, m in panel.methods.items() if is_plug_in(m.name, m.agent)}
 
 
 def _plug_ins(panel: Panel, winner: Any) -> list[Any]:
     """The plug-ins of which the verdict on the winner says nothing."""
-    rows, told = panel.ranked, {winner.label, *panel.present.query("is_baseline")["label"]}
-    return [*rows[rows["label"].isin(plug_in_labels(panel) - told)].itertuples()]
+    rows, mentioned = panel.ranked, {winner.label, *panel.present.query("is_baseline")["label"]}
+    return [*rows[rows["label"].isin(plug_in_labels(panel) - mentioned)].itertuples()]
 
 
 def _winner(ranked: pd.DataFrame) -> Any:
@@ -139,12 +139,12 @@ def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
     row = _winner(ranked)
     reached = _reached(panel, row)
     if row.relation == "better":
-        said = f"{row.label} is best: {reached}, {_ahead(panel, row)}"
+        sentence = f"{row.label} is best: {reached}, {_ahead(panel, row)}"
         if row.same_driver and not math.isnan(row.cost):
-            said += f"; costs {significant(row.cost, 2)} × the time"
+            sentence += f"; costs {significant(row.cost, 2)} × the time"
         if first.label != row.label:
-            said += f" ({first.label} has {_brief(panel, first)}, which is not confirmed)"
-        return f"{said}."
+            sentence += f" ({first.label} has {_brief(panel, first)}, which is not confirmed)"
+        return f"{sentence}."
     if ranked["is_baseline"].all():
         return f"{row.label} alone, nothing to compare it with: {reached}."
     if row.is_baseline:
@@ -185,20 +185,20 @@ def _reached(panel: Panel, row: Any) -> str:
 def _ahead(panel: Panel, row: Any) -> str:
     """By how much a method is better than its baseline, with the interval."""
     unit, side = ("%", "below") if panel.aim is None else ("percentage points", "above")
-    own, within, after = Interval(row.apart, row.apart_low, row.apart_high), "95 %", ""
+    gain, within, after = Interval(row.apart, row.apart_low, row.apart_high), "95 %", ""
     if isinstance(row.decision, str):
-        own = Interval(row.decided, row.decided_low, row.decided_high)
+        gain = Interval(row.decided, row.decided_low, row.decided_high)
         word = "open" if row.decision == "open" else "decided"
         within, after = AT_ALL_LOOKS, f", {word} after {row.decided_worlds:.0f} {panel.world}s"
     elif panel.aim is None:
-        own = Interval(row.relative, row.relative_low, row.relative_high)
+        gain = Interval(row.relative, row.relative_low, row.relative_high)
         after = f", smaller in {row.win_rate * row.paired_worlds:g} of {row.paired_worlds} worlds"
     if panel.aim is None:
-        own = Interval(-own.mean, -own.high, -own.low)
-    own = own.percent
-    form = ".0f" if abs(own.mean) >= 10 or panel.aim else ".1f"
-    ends = f" ({within}: {interval(own, form)})" if abs(own.low) + abs(own.high) < 1e9 else ""
-    return f"{own.mean:{form}}".replace("-", "−") + f" {unit} {side} {row.reference}{ends}{after}"
+        gain = Interval(-gain.mean, -gain.high, -gain.low)
+    gain = gain.percent
+    form = ".0f" if abs(gain.mean) >= 10 or panel.aim else ".1f"
+    ends = f" ({within}: {interval(gain, form)})" if abs(gain.low) + abs(gain.high) < 1e9 else ""
+    return f"{gain.mean:{form}}".replace("-", "−") + f" {unit} {side} {row.reference}{ends}{after}"
 
 
 def _on_a_log(panel: Panel) -> str:
@@ -207,29 +207,29 @@ def _on_a_log(panel: Panel) -> str:
     if score not in rows or len(rows) == 1:
         return ""
     if (rows["worlds"] == 1).all():
-        least = stats.least_worlds((len(rows) - 1) * (1 + sum(one.tested for one in panel.scores)))
+        least = stats.least_worlds((len(rows) - 1) * (1 + sum(s.tested for s in panel.scores)))
         return f"One run each decides nothing: give --seeds {least} or more."
     rows = rows.sort_values(score)
     low, high = rows[f"{score}_diff_low"], rows[f"{score}_diff_high"]
     clear = rows[((low > 0) | (high < 0)) & (rows[f"{score}_p_holm"] < ALPHA)]
     if len(clear):
         near: Any = next(iter(clear.itertuples()))
-        apart = Interval(*(getattr(near, f"{score}_diff{end}") for end in ("", "_low", "_high")))
-        first = near.label if apart.mean < 0 else near.reference
+        diff = Interval(*(getattr(near, f"{score}_diff{end}") for end in ("", "_low", "_high")))
+        first = near.label if diff.mean < 0 else near.reference
         errors = rows[["label", score]].itertuples(index=False)
         listed = ", ".join(f"{label} {error:.3f} m" for label, error in errors)
         return (
             f"{first} is nearest to the reference: median position error of a run, mean over runs: "
-            f"{listed}; {near.label} - {near.reference}: {apart.mean:+.3f} m (95 %: "
-            f"{interval(apart, '+.3f')}), p (Holm) "
+            f"{listed}; {near.label} - {near.reference}: {diff.mean:+.3f} m (95 %: "
+            f"{interval(diff, '+.3f')}), p (Holm) "
             f"{p_value(getattr(near, f'{score}_p_holm'))}. The share of runs that are localized to "
             "the end separates no methods."
         )
     held = {}
     for label, records in panel.records.items():
-        shares = [one.track.scores.get("coverage_95") for one in records if one.track is not None]
-        if known := [share for share in shares if share is not None]:
-            held[label] = sum(known) / len(known)
+        shares = [r.track.scores.get("coverage_95") for r in records if r.track is not None]
+        if values := [share for share in shares if share is not None]:
+            held[label] = sum(values) / len(values)
     few = stats.least_p(int(rows["paired_worlds"].max()), panel.tests) >= ALPHA
     if few or len(held) < 2 or max(held.values()) - min(held.values()) < _COVERAGE_APART:
         return ""
@@ -242,10 +242,10 @@ def _on_a_log(panel: Panel) -> str:
 
 def _unfitted(panel: Panel) -> list[str]:
     """Methods with default assumptions beside others that are fitted to a part of the log."""
-    waits = [
+    untuned = [
         label
         for label, method in panel.methods.items()
         if method.name == "amcl" and "alpha1" not in method.params
     ]
     fitted = "scan.power" in panel.setting.assumed and "judged" in panel.setting.world
-    return waits[:1] if fitted and len(panel.methods) > len(waits) else []
+    return untuned[:1] if fitted and len(panel.methods) > len(untuned) else []

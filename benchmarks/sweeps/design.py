@@ -16,7 +16,7 @@ from localizers import parameters
 PARTS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
 SCALARS = ("scenario", "lag", "disturbance", "agent")
 MOST_TRIALS = 1_000_000  # trials
-_SAID = (  # of a sweep, in the order of its manifest
+_CANONICAL = (  # of a sweep, in the order of its manifest
     *("title", "localizers", "scenario", "lag", "world", "assumed", "disturbance", "params"),
     *("seed", "trials", "filter_seeds", "vary"),
 )
@@ -56,7 +56,7 @@ class Sweep:
         changes_of(self)
         if isinstance(self.localizers, str):
             raise InputError(f"localizers is {self.localizers!r}, but must be a list of names.")
-        methods = (one if isinstance(one, Method) else Method(name=one) for one in self.localizers)
+        methods = (m if isinstance(m, Method) else Method(name=m) for m in self.localizers)
         object.__setattr__(self, "localizers", tuple(methods))
         for name in ("world", "assumed"):  # nested as in TOML, or by dotted name
             object.__setattr__(self, name, Overrides.told(name, getattr(self, name)))
@@ -86,8 +86,8 @@ class Sweep:
         if twice := [label for label in labels if labels.count(label) > 1]:
             raise InputError(f"the label {twice[0]!r} is of several localizers: give each its own.")
         if self.baseline not in (BASELINE, self._usual_baseline):
-            known = [name for one in self.localizers for name in (one.name, one.label) if name]
-            one_of("baseline", self.baseline, [*known, *self.agents])
+            allowed = [name for m in self.localizers for name in (m.name, m.label) if name]
+            one_of("baseline", self.baseline, [*allowed, *self.agents])
         for name in self.varied:
             if name.startswith("agent.") and self.agent is None and "agent" not in self.varied:
                 raise InputError(
@@ -137,7 +137,7 @@ class Sweep:
     def labelled(self) -> list[Method]:
         """The methods with labels as their trials have them."""
         methods = zip(self.cells(), itertools.cycle(self.localizers), strict=False)
-        return [replace(cell.method, label=own.label) for cell, own in methods if own.label]
+        return [replace(cell.method, label=m.label) for cell, m in methods if m.label]
 
     def cells(self) -> Iterator[Trial]:
         """Yield the first trial of each setting and method."""
@@ -149,8 +149,8 @@ class Sweep:
 
     def params_of(self, method: Method, shared: Mapping[str, Any]) -> Overrides:
         """Return the shared parameters that a method takes, and its own."""
-        known = self.takes(method.name)
-        useful = {k: v for k, v in shared.items() if known is None or k in known}
+        taken = self.takes(method.name)
+        useful = {k: v for k, v in shared.items() if taken is None or k in taken}
         return Overrides(useful) | method.params
 
     def distinct(self) -> list[Trial]:
@@ -160,14 +160,14 @@ class Sweep:
 
     def canonical(self) -> dict[str, Any]:
         """Return the sweep as JSON-able values: what a folder of results is checked against."""
-        said = {name: jsonable(getattr(self, name)) for name in _SAID}
+        values = {name: jsonable(getattr(self, name)) for name in _CANONICAL}
         if self.agent is not None:
-            said["agent"] = self.agent.json()
+            values["agent"] = self.agent.json()
         if self.baseline != self._usual_baseline:
-            said["baseline"] = jsonable(self.baseline)
+            values["baseline"] = jsonable(self.baseline)
         if self.until_decided is not None:
-            said["until_decided"] = {"margin": self.until_decided}
-        return said
+            values["until_decided"] = {"margin": self.until_decided}
+        return values
 
     def _points(self) -> Iterator[dict[str, Any]]:
         """Yield the base with the values of each point of the design."""

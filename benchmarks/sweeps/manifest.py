@@ -108,12 +108,12 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
     margin = ours.margin if theirs.margin is None else theirs.margin
     made = replace(made, verified=theirs.verified, margin=margin)
     grown = _grown(before, made.identity)
-    if apart := list(differences(_plain(grown), _plain(made.identity))):
+    if changes := list(differences(_plain(grown), _plain(made.identity))):
         same = not any(differences(grown.sweep, made.sweep))
         others = f", or see by deqmcl verify {folder} whether any number differs" if same else ""
         raise InputError(
-            f"{folder} holds results of something else ({'; '.join(apart)}): give a new --out, or "
-            f"restore what was changed{others}."
+            f"{folder} holds results of something else ({'; '.join(changes)}): give a new --out, "
+            f"or restore what was changed{others}."
         )
     if ours.margin not in (None, margin):
         raise InputError(
@@ -160,8 +160,8 @@ def append(folder: Path, checked: Verified) -> None:
 
 
 def _write(folder: Path, made: Manifest) -> None:
-    here = {name: os.path.relpath(place, folder) for name, place in made.places.items()}
-    content = _plain(replace(made, places=here))
+    places = {name: os.path.relpath(place, folder) for name, place in made.places.items()}
+    content = _plain(replace(made, places=places))
     write_text(folder / MANIFEST, json.dumps(content, indent=2) + "\n")
 
 
@@ -210,5 +210,5 @@ def differences(theirs: Any, ours: Any, at: str = "") -> Iterator[str]:
         for number, pair in enumerate(zip(theirs, ours, strict=True), 1):
             yield from differences(*pair, f"{at}[{number}]")
     elif spelt(theirs) != spelt(ours):
-        was, now = ("not set" if one is _ABSENT else shown(one) for one in (theirs, ours))
+        was, now = ("not set" if value is _ABSENT else shown(value) for value in (theirs, ours))
         yield f"{at.removeprefix('sweep.')} was {was} and is {now}"

@@ -111,7 +111,7 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
             failures.append(Failure(trial=trial, reason=reason))
             failed[key] = trial
     asked = {named(trial.canonical()) for trial in trials.values()}
-    ended = {*(one.key for one in records), *failed}
+    ended = {*(record.key for record in records), *failed}
     missing = due(sweep, trials, records, failed.values()).keys() - ended
     return Results(
         title=sweep.title,
@@ -121,7 +121,7 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
         planned=len(ended) + len(missing),
         command=made.command,
         environment=made.environment,
-        verified=[one.words() for one in made.verified],
+        verified=[verified.words() for verified in made.verified],
         left_out=store.rejected | dict(store.left_out(trials.keys(), asked)),
         baseline=sweep.baseline,
         rule=rule_of(sweep),
@@ -133,8 +133,8 @@ def rule_of(sweep: Sweep) -> Rule | None:
     """Return when comparisons of a sweep are decided; None if it runs all its worlds."""
     if sweep.until_decided is None:
         return None
-    baselines = [one for panel in _planned(sweep) for one in panel.baselines.items()]
-    family = sum(label != baseline for label, baseline in baselines)
+    pairs = [pair for panel in _planned(sweep) for pair in panel.baselines.items()]
+    family = sum(label != baseline for label, baseline in pairs)
     if family == 0:
         raise InputError(
             "--until-decided has nothing to decide, as no method has a baseline to be compared "
@@ -171,8 +171,8 @@ def due(
                 _, needed = decide(ours, reference, panel.aim, rule)
                 wanted |= {label: max(needed, wanted[label]) for label in pair}
         for label, needed in wanted.items():
-            own = panel.setting, panel.methods[label]
-            worlds[own] = max(needed, worlds.get(own, 0))
+            cell = panel.setting, panel.methods[label]
+            worlds[cell] = max(needed, worlds.get(cell, 0))
     return {
         key: trial
         for key, trial in trials.items()
@@ -207,52 +207,53 @@ def results_in(folder: Path | str) -> Results:
 def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
     """Return what folders of the same worlds hold; a trial that several have counts once."""
     each, made = [*map(results_in, folders)], [*map(manifest.read_manifest, folders)]
-    told: dict[str, Any] = {"code": made[0].identity.code}
+    environment: dict[str, Any] = {"code": made[0].identity.code}
     failures: dict[str, Failure] = {}
     left_out: dict[str, str] = {}
-    for folder, own, other in zip(folders, each, made, strict=True):
+    for folder, results, other in zip(folders, each, made, strict=True):
         both = made[0].identity.plug_ins.keys() & other.identity.plug_ins.keys()
-        if apart := next(differences(_worlds(made[0], both), _worlds(other, both)), ""):
+        if difference := next(differences(_worlds(made[0], both), _worlds(other, both)), ""):
             raise InputError(
-                f"{folder} is not comparable with {folders[0]} ({apart}): give folders of the same "
-                "sweep and code that differ in their localizers or agents only."
+                f"{folder} is not comparable with {folders[0]} ({difference}): give folders of the "
+                "same sweep and code that differ in their localizers or agents only."
             )
-        if own.rule:
+        if results.rule:
             raise InputError(
                 f"{folder} is of a sweep with until_decided, whose comparisons are counted before "
                 "it runs: give folders with a fixed number of worlds."
             )
-        if own.missing:
+        if results.missing:
             raise InputError(
-                f"{folder} lacks {own.missing} of its {own.planned} trials: finish its sweep first."
+                f"{folder} lacks {results.missing} of its {results.planned} trials: finish its "
+                "sweep first."
             )
-        told[str(folder)] = {"command": command_line(own.command)} | own.environment
-        failures |= {other.identity.key(one.trial): one for one in own.failures}
-        left_out |= {f"{folder}/{name}": why for name, why in own.left_out.items()}
-    records = {record.key: record for own in each for record in own.records}
+        environment[str(folder)] = {"command": command_line(results.command)} | results.environment
+        failures |= {other.identity.key(failure.trial): failure for failure in results.failures}
+        left_out |= {f"{folder}/{name}": why for name, why in results.left_out.items()}
+    records = {record.key: record for results in each for record in results.records}
     drivers = [record.trial.agent for record in records.values()]
     agents = list(dict.fromkeys(agent.name for agent in drivers if agent))
     usual = len(agents) > 1 and "baseline" not in made[0].sweep  # as ``Sweep`` has it
     return replace(
         each[0],
-        title=", ".join(dict.fromkeys(own.title for own in each)),
+        title=", ".join(dict.fromkeys(results.title for results in each)),
         records=[*records.values()],
         failures=[failure for key, failure in failures.items() if key not in records],
         planned=len(records.keys() | failures.keys()),
         command=list(command),
-        environment=told,
+        environment=environment,
         baseline=agents[0] if usual else each[0].baseline,
-        verified=list(dict.fromkeys(words for own in each for words in own.verified)),
+        verified=list(dict.fromkeys(line for results in each for line in results.verified)),
         left_out=left_out,
     )
 
 
 def _worlds(made: Manifest, plug_ins: Collection[str]) -> dict[str, Any]:
     """Return what pooled folders must agree in: all but the title and what is compared."""
-    sweep = {name: own for name, own in made.sweep.items() if name not in _COMPARED}
+    sweep = {name: value for name, value in made.sweep.items() if name not in _COMPARED}
     vary = sweep.get("vary", ())
-    axes = [{n: v for n, v in own.items() if not n.startswith("agent")} for own in vary]
-    digests = {name: own for name, own in made.identity.plug_ins.items() if name in plug_ins}
+    axes = [{n: v for n, v in axis.items() if not n.startswith("agent")} for axis in vary]
+    digests = {name: digest for name, digest in made.identity.plug_ins.items() if name in plug_ins}
     parts = {"vary": [*filter(None, axes)], "plug-ins": digests, "code": made.identity.code}
     return sweep | parts | {"libraries": made.identity.libraries}
 
@@ -263,8 +264,8 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
     def takes(name: str) -> tuple[str, ...] | None:
         if name not in made.parameters:
             raise InputError(f"parameters has no {name!r}: the manifest was changed.")
-        known = made.parameters[name]
-        return None if known is None else tuple(known)
+        taken = made.parameters[name]
+        return None if taken is None else tuple(taken)
 
     with documents.errors_name(folder / manifest.MANIFEST):
         return sweep_of(overrides.of_json(made.placed), title="", takes=takes)
@@ -273,7 +274,7 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
 def left_out_lines(results: Results, out: Path) -> list[str]:
     """Say which files of a folder are in no table, and why."""
     named = (one_line(f"{out / name} {why}") for name, why in results.left_out.items())
-    lines = [f"deqmcl: {words}; it is left out." for words in named]
+    lines = [f"deqmcl: {sentence}; it is left out." for sentence in named]
     more = [f"deqmcl: … and {len(lines) - _SHOWN:,} more files are left out."]
     return lines if len(lines) <= _SHOWN else lines[:_SHOWN] + more
 
@@ -291,12 +292,12 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     """Say of each setting and method how many of its trials are there, unless all are."""
     if not results.failures and not results.missing:
         return []
-    there = {record.trial for record in results.records}
+    finished = {record.trial for record in results.records}
     lines = []
-    for own in by_cell(sweep.distinct()).values():
-        done = sum(trial in there for trial in own)
-        if done < len(own):
-            lines.append(f"  {done} of {len(own)}: {' '.join(trial_words(own[0]))}")
+    for trials in by_cell(sweep.distinct()).values():
+        done = sum(trial in finished for trial in trials)
+        if done < len(trials):
+            lines.append(f"  {done} of {len(trials)}: {' '.join(trial_words(trials[0]))}")
     more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
     return ["Not complete:", *lines[:_SHOWN], *more]
 

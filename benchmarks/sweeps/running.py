@@ -91,9 +91,9 @@ class Running:
 
     def _due(self, part: Mapping[str, Trial], asked: Mapping[str, Trial]) -> dict[str, Trial]:
         """Return the trials that are needed after those that were asked for."""
-        found = (self.store.get(key, trial) for key, trial in asked.items())
+        records = (self.store.get(key, trial) for key, trial in asked.items())
         failures = (trial for key, trial in asked.items() if self.store.failure(key) is not None)
-        needed = due(self.sweep, part, filter(None, found), failures)
+        needed = due(self.sweep, part, filter(None, records), failures)
         return {key: trial for key, trial in needed.items() if key not in asked}
 
 
@@ -133,7 +133,7 @@ def run_missing(
     if not missing:
         return
     keys = {now.key(trial): key for key, trial in missing.items()}
-    waiting = [(own, missing[key]) for own, key in keys.items()]
+    waiting = [(current, missing[key]) for current, key in keys.items()]
     first = {trial.episode: index for index, (_, trial) in reversed([*enumerate(waiting)])}
     waiting.sort(key=lambda item: (item[1].trial, first[item[1].episode], item[1].filter_seed))
     with (
@@ -141,8 +141,8 @@ def run_missing(
         counted(store.out, len(trials), len(waiting), shown=options.progress) as count,
         contextlib.closing(outcomes(waiting, engine)) as finished,
     ):
-        for own, outcome in finished:
-            reason = _keep(store, keys[own], missing[keys[own]], outcome)
+        for current, outcome in finished:
+            reason = _keep(store, keys[current], missing[keys[current]], outcome)
             count(reason is not None)
 
 
@@ -150,7 +150,7 @@ def run_missing(
 def counted(
     out: Path, total: int, waiting: int, *, shown: bool = True
 ) -> Iterator[Callable[[bool], None]]:
-    """Show a bar on a terminal, elsewhere a line a minute; give what to call with "it failed"."""
+    """Show a bar on a terminal, elsewhere a line a minute; yield ``count(failure)`` of a trial."""
     name, failed = one_line(out.resolve().name), 0
     lines = shown and "ipykernel" not in sys.modules and not sys.stderr.isatty()
     how: dict[str, Any] = {"desc": name, "total": total, "initial": total - waiting}
@@ -179,7 +179,7 @@ def counted(
 
 
 def complete(results: Results, text: str, *, part: bool = False) -> str:
-    """Return what a command prints at its end; print it and raise if a trial failed or lacks."""
+    """Return what a command prints at its end; print it and raise if any failed or is missing."""
     lacking = incomplete_sentence(results)
     if lacking and (results.failures or not part):
         say(text)
@@ -202,8 +202,8 @@ def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
 
 def shard_of(text: str) -> tuple[int, int]:
     """Return (i, n) of "i/n"."""
-    if given := re.fullmatch(r"(\d{1,6})/(\d{1,6})", text):
-        number, of = map(int, given.groups())
+    if match := re.fullmatch(r"(\d{1,6})/(\d{1,6})", text):
+        number, of = map(int, match.groups())
         if 1 <= number <= of <= 100_000:
             return number, of
     raise InputError(f"--shard is {shown(text)}, but must be i/n with i from 1 to n, like 2/8.")
@@ -217,16 +217,16 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
     """Return the cells of a sweep with the time of a trial in each, and the time of it all."""
     trials = sweep.distinct()
     cells = by_cell(trials)
-    firsts = [own[0] for own in cells.values()]
+    firsts = [group[0] for group in cells.values()]
     with Where(jobs=1, timeout=timeout).engine(firsts) as engine:
         seconds = _seconds(firsts, engine, provenance_of(firsts))
-    words = [*map(trial_words, firsts)]
-    alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
+    names = [*map(trial_words, firsts)]
+    alike = [part for part in names[0] if len(names) > 1 and all(part in name for name in names)]
     rows, total = [], 0.0
-    for name, own, one in zip(words, cells.values(), seconds, strict=True):
+    for name, group, duration in zip(names, cells.values(), seconds, strict=True):
         rest = " ".join(part for part in name if part not in alike)
-        rows.append((len(own), "failed" if one is None else f"≈ {one:.2f} s", rest))
-        total += (one or 0.0) * len(own)
+        rows.append((len(group), "failed" if duration is None else f"≈ {duration:.2f} s", rest))
+        total += (duration or 0.0) * len(group)
     jobs = min(jobs or available_cpus(), len(trials))
     most = "" if sweep.until_decided is None else "at most "
     lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
@@ -259,7 +259,7 @@ def _seconds(trials: Sequence[Trial], engine: Engine, made: Provenance) -> list[
         took = (time.perf_counter() - started) / particles[trial]
         seconds[trial.scenario, trial.localizer] = None if outcome.record is None else took
     each = ((seconds[trial.scenario, trial.localizer], n) for trial, n in particles.items())
-    return [None if one is None else one * n for one, n in each]
+    return [None if rate is None else rate * n for rate, n in each]
 
 
 SAMPLED = 0.01  # of the trials beside the first of each setting and method
@@ -298,8 +298,8 @@ def verify(folder: Path, where: Where, share: float = SAMPLED) -> str:
         )
     parts = now.code, now.libraries, now.plug_ins
     checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
-    known: list[Provenance] = [made.identity, *made.verified]
-    if parts not in [(one.code, one.libraries, one.plug_ins) for one in known]:
+    earlier: list[Provenance] = [made.identity, *made.verified]
+    if parts not in [(p.code, p.libraries, p.plug_ins) for p in earlier]:
         manifest.append(folder, checked)
     return f"{folder}: {checked.words()}; none differs. A sample cannot prove what happens rarely."
 
@@ -311,7 +311,7 @@ def compare_again(
     difference: Callable[[str, Outcome], str | None],
     folder: Path | None = None,
 ) -> dict[str, str]:
-    """Run trials (by name) again; return how those differ that do, as ``difference`` says."""
+    """Run trials (by name) again; return the ``difference`` of each that has one."""
     names = {now.key(trial): name for name, trial in trials.items()}
     differing: dict[str, str] = {}
     with (

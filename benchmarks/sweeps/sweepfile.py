@@ -79,22 +79,22 @@ def paper_sweep(
 def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
     """Read a sweep file, and add localizers; ``above``: the files that this is the base of."""
     path = Path(path)
-    given = documents.read_toml(path, "sweep")
+    table = documents.read_toml(path, "sweep")
     root = (above[0] if above else path).parent
     with documents.errors_name(path), said_from(root):
-        documents.check_values(given, ("base", *_KEYS))
+        documents.check_values(table, ("base", *_KEYS))
         files = (*above, Path(os.path.abspath(path)))
-        base = _base(given.pop("base"), files) if "base" in given else None
+        base = _base(table.pop("base"), files) if "base" in table else None
         title = utf8(path.stem).decode()
-        sweep = with_localizers(sweep_of(given, title=title, folder=path.parent, base=base), added)
+        sweep = with_localizers(sweep_of(table, title=title, folder=path.parent, base=base), added)
         refuse_idle(sweep)
         return sweep
 
 
 def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
     """Return a sweep with further localizers; one that it has already is not added."""
-    known = {absolute_name(method.name) for method in sweep.localizers}
-    added = [name for name in dict.fromkeys(names) if absolute_name(name) not in known]
+    present = {absolute_name(method.name) for method in sweep.localizers}
+    added = [name for name in dict.fromkeys(names) if absolute_name(name) not in present]
     return replace(sweep, localizers=(*sweep.localizers, *(Method(name=name) for name in added)))
 
 
@@ -116,8 +116,8 @@ def _suite_file(what: str, name: str, others: Iterable[str] = ()) -> Path:
             f"{what} is the file {name}: the name of a sweep file must end in .toml, so save it "
             "under such a name."
         )
-    own = ", or a file that ends in .toml; docs/reports of the repository has those of its reports"
-    return _SUITES / f"{one_of(what, name, [*SUITES, *others], own)}.toml"
+    tip = ", or a file that ends in .toml; docs/reports of the repository has those of its reports"
+    return _SUITES / f"{one_of(what, name, [*SUITES, *others], tip)}.toml"
 
 
 def sweep_of(
@@ -134,7 +134,7 @@ def sweep_of(
     document does not.
     """
     documents.check_values(given, _KEYS)
-    names, own = _Names(folder), dict[str, Overrides]()
+    names, per_localizer = _Names(folder), dict[str, Overrides]()
     read: dict[str, Callable[[Any], Any]] = {
         "title": partial(documents.as_text, "title"),
         "scenario": names.scenario,
@@ -151,9 +151,9 @@ def sweep_of(
     whole = {"title": title} | ({"localizers": None} if base is None else {}) | dict(given)
     values = {key: read[key](value) if key in read else value for key, value in whole.items()}
     if "params" in values:
-        values["params"], own = _split(values["params"], names)
+        values["params"], per_localizer = _split(values["params"], names)
     sweep = Sweep(takes=takes, **values) if base is None else replace(base, **values)
-    return with_params(sweep, own)
+    return with_params(sweep, per_localizer)
 
 
 def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
@@ -177,16 +177,16 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
             plain[name] = value
     if plain:
         sweep = sweep_of(plain, title=sweep.title, folder=Path(), base=sweep)
-    params, own = _split(Overrides.told("params", parts["params"]), names)
+    params, per_localizer = _split(Overrides.told("params", parts["params"]), names)
     lists = {name: v if isinstance(v, list) else [v] for name, v in parts["vary"].items()}
     axes = [names.axis({name: values}) for name, values in lists.items()]
     by_name = {name: axis for axis in axes for name in axis}
-    there = [by_name.pop(next(iter(a)), a) if len(a) == 1 else a for a in sweep.vary]
+    existing = [by_name.pop(next(iter(a)), a) if len(a) == 1 else a for a in sweep.vary]
     changes: dict[str, Any] = {
         "world": sweep.world | names.world(Overrides.told("world", parts["world"])),
         "assumed": sweep.assumed | names.assumed(Overrides.told("assumed", parts["assumed"])),
         "params": sweep.params | params,
-        "vary": (*there, *by_name.values()),  # each in the place of the one of its name
+        "vary": (*existing, *by_name.values()),  # each in the place of the one of its name
     }
     if parts["agent"]:
         if sweep.agent is None:
@@ -195,7 +195,7 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
     if agents := [agent for axis in axes for agent in axis.get("agent", ())]:
         usual = "" if len(agents) > 1 else sweep.baseline
         changes |= {"agent": None, "baseline": plain.get("baseline", usual)}
-    changed = with_params(replace(sweep, **changes), own)
+    changed = with_params(replace(sweep, **changes), per_localizer)
     for name in values:
         if name in changed.varied:
             raise InputError(f"{name} is set, but the sweep varies it: set vary.{name}, a list.")
@@ -207,13 +207,13 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
 def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
     """Return a sweep with parameters of single localizers; refuse what one does not take."""
     names = {absolute_name(name): name for name in sweep.names}
-    own = {}
-    for given, values in params.items():
-        name = one_of("localizer in params", names.get(absolute_name(given), given), sweep.names)
+    checked = {}
+    for alias, values in params.items():
+        name = one_of("localizer in params", names.get(absolute_name(alias), alias), sweep.names)
         LOCALIZER.check_parameters(name, values, parameters(name))
-        own[name] = values
-    methods = [replace(m, params=m.params | own.get(m.name, {})) for m in sweep.localizers]
-    return replace(sweep, localizers=tuple(methods)) if own else sweep
+        checked[name] = values
+    methods = [replace(m, params=m.params | checked.get(m.name, {})) for m in sweep.localizers]
+    return replace(sweep, localizers=tuple(methods)) if checked else sweep
 
 
 def params_by_localizer(
@@ -225,15 +225,16 @@ def params_by_localizer(
     return {method.name: sweep.params_of(method, sweep.params) for method in sweep.localizers}
 
 
-def _split(given: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Overrides]]:
+def _split(params: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Overrides]]:
     """Return the parameters of all localizers, and by localizer those that are of one alone."""
-    own: dict[str, Overrides] = {}
-    for name, value in given.items():
+    per_localizer: dict[str, Overrides] = {}
+    for name, value in params.items():
         localizer, _, key = name.rpartition(".")
         if localizer:
             localizer = names.localizer("params", localizer)
-            own[localizer] = own.get(localizer, NOTHING) | {key: value}
-    return Overrides({name: value for name, value in given.items() if "." not in name}), own
+            per_localizer[localizer] = per_localizer.get(localizer, NOTHING) | {key: value}
+    shared = {name: value for name, value in params.items() if "." not in name}
+    return Overrides(shared), per_localizer
 
 
 def check_localizers(named: Sequence[str]) -> None:
@@ -251,12 +252,12 @@ def refuse_idle(sweep: Sweep, names: Iterable[str] | None = None) -> None:
 
     Of ``names``, or of all that the sweep has and varies.
     """
-    known = [sweep.takes(method.name) for method in sweep.localizers]
-    if None in known:
+    taken = [sweep.takes(method.name) for method in sweep.localizers]
+    if None in taken:
         return
     varied = [name.removeprefix("params.") for name in sweep.varied if name.startswith("params.")]
     for name in [*sweep.params, *varied] if names is None else names:
-        one_of("parameter of these localizers", name, {n for own in known for n in own or ()})
+        one_of("parameter of these localizers", name, {n for keys in taken for n in keys or ()})
 
 
 @dataclass(frozen=True)
@@ -268,19 +269,19 @@ class _Names:
     def scenario(self, name: Any) -> str:
         return absolute_scenario(name, self.folder or Path())
 
-    def agent(self, given: Any) -> Named:
-        return absolute_agent(Named.told("agent", given), self.folder or Path())
+    def agent(self, value: Any) -> Named:
+        return absolute_agent(Named.told("agent", value), self.folder or Path())
 
     def localizer(self, what: str, value: Any) -> str:
         """Return a localizer's name; ``file.py`` is its only localizer."""
         name = documents.as_text(what, value)
         return name if self.folder is None else absolute_reference(LOCALIZER, name, self.folder)
 
-    def world(self, given: Overrides) -> Overrides:
-        return given if self.folder is None else given.beside(self.folder)
+    def world(self, values: Overrides) -> Overrides:
+        return values if self.folder is None else values.beside(self.folder)
 
-    def assumed(self, given: Overrides) -> Overrides:
-        return given if self.folder is None else absolute_assumed(given, self.folder)
+    def assumed(self, values: Overrides) -> Overrides:
+        return values if self.folder is None else absolute_assumed(values, self.folder)
 
     def method(self, entry: Any, what: str = "an entry of localizers") -> Method:
         label = ""
@@ -295,7 +296,7 @@ class _Names:
         return Method(name=name, params=named.params, label=label)
 
     def axis(self, table: Any) -> Overrides:
-        values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
+        axis = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
 
         def point(name: str, value: Any) -> Any:
             group, _, key = name.partition(".")
@@ -309,12 +310,12 @@ class _Names:
                 return value
             return getattr(self, group)(Overrides({key: value}))[key]
 
-        points = {name: listed(f"[[vary]] {name}", given) for name, given in values.items()}
-        return Overrides({n: tuple(point(n, one) for one in own) for n, own in points.items()})
+        lists = {name: listed(f"[[vary]] {name}", value) for name, value in axis.items()}
+        return Overrides({n: tuple(point(n, v) for v in values) for n, values in lists.items()})
 
 
 def _until_decided(table: Any) -> Any:
-    known = documents.as_table("until_decided", table, "a table like {margin = 0.05}")
-    for key in known:
+    options = documents.as_table("until_decided", table, "a table like {margin = 0.05}")
+    for key in options:
         one_of("key in until_decided", key, ("margin",))
-    return known.get("margin", 0.05)
+    return options.get("margin", 0.05)

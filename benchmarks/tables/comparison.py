@@ -1,6 +1,6 @@
 """Every method of a panel against its baseline, over paired worlds, and when that is decided.
 
-The columns are those of results.csv and decisions.csv, and a few more, which are told at
+The columns are those of results.csv and decisions.csv, and a few more, which are described at
 each table. NaN is not available. The runs on a world are averaged first.
 """
 
@@ -85,7 +85,7 @@ def _row(panel: Panel, label: str, offset: int, members: Members) -> dict[str, A
     """Return the row of a method at an offset, without what needs the other rows."""
     reference = panel.baselines[label]
     method, baseline = panel.methods[label], panel.methods[reference]
-    times = [frames.milliseconds_per_step(panel.records[one]) for one in (label, reference)]
+    times = [frames.milliseconds_per_step(panel.records[name]) for name in (label, reference)]
     runs = frames.scored(members[label], offset)
     worlds = {name: frames.by_world(runs[name]).to_numpy() for name in SCORE_NAMES}
     n, lost = len(worlds["error"]), float(worlds["lost"].mean())
@@ -111,14 +111,14 @@ def _row(panel: Panel, label: str, offset: int, members: Members) -> dict[str, A
     if row["is_baseline"]:
         return row
     pairs = frames.paired_worlds(runs["error"], frames.scored(members[reference])["error"])
-    apart, others = pairs.to_numpy().T
+    differences, theirs = pairs.to_numpy().T
     return row | {
-        "paired_worlds": apart.size,
-        **ends("diff", stats.estimate(apart)),
-        "diff_sd": stats.sample_sd(apart),
-        **ends("relative", stats.relative_change(apart, others)),
-        "win_rate": stats.win_rate(apart),
-        "p": _six_digits(stats.wilcoxon(apart)),
+        "paired_worlds": differences.size,
+        **ends("diff", stats.estimate(differences)),
+        "diff_sd": stats.sample_sd(differences),
+        **ends("relative", stats.relative_change(differences, theirs)),
+        "win_rate": stats.win_rate(differences),
+        "p": _six_digits(stats.wilcoxon(differences)),
     }
 
 
@@ -134,28 +134,28 @@ def _journey(
     in the world. ``…_p`` is of the sign test for shares, with one run on each world McNemar's exact
     test; else of the signed-rank test.
     """
-    name, own = score.name, members[row["label"]]
-    if frames.whole_runs(frames.scored(own), score).empty:
+    name, rows = score.name, members[row["label"]]
+    if frames.whole_runs(frames.scored(rows), score).empty:
         return {}
-    runs = frames.whole_runs(own, score)
+    runs = frames.whole_runs(rows, score)
     values = frames.by_world(runs).to_numpy()
     if score.censored:
-        told = ends(name, stats.median_estimate(runs.groupby("trial").median().to_numpy()))
-        told[f"{name}_restricted"] = (
-            frames.by_world(frames.restricted(own, score, longest)).to_numpy().mean()
+        columns = ends(name, stats.median_estimate(runs.groupby("trial").median().to_numpy()))
+        columns[f"{name}_restricted"] = (
+            frames.by_world(frames.restricted(rows, score, longest)).to_numpy().mean()
         )
     elif score.unit == "share":
         share = float(values.mean())
-        told = ends(name, (share, *stats.wilson(share, values.size)))
+        columns = ends(name, (share, *stats.wilson(share, values.size)))
     else:
-        told = ends(name, stats.estimate(values))
+        columns = ends(name, stats.estimate(values))
     if row["is_baseline"] or not score.tested:
-        return told
-    pair = (own, members[row["reference"]])
-    pairs = frames.paired_worlds(*(frames.restricted(one, score, longest) for one in pair))
-    apart = pairs["apart"].to_numpy()
-    p = stats.sign_test(apart) if score.unit == "share" else stats.wilcoxon(apart)
-    return told | ends(f"{name}_diff", stats.estimate(apart)) | {f"{name}_p": p}
+        return columns
+    pair = (rows, members[row["reference"]])
+    pairs = frames.paired_worlds(*(frames.restricted(side, score, longest) for side in pair))
+    differences = pairs["apart"].to_numpy()
+    p = stats.sign_test(differences) if score.unit == "share" else stats.wilcoxon(differences)
+    return columns | ends(f"{name}_diff", stats.estimate(differences)) | {f"{name}_p": p}
 
 
 def _corrected(panel: Panel, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -186,9 +186,9 @@ def _decided(panel: Panel, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             continue
         *_, last = _looks(panel, row["label"])
         reference = present[row["reference"]].get(score, math.nan)
-        apart = last.interval.mean
+        change = last.interval.mean
         row["decision"], row["decided_worlds"] = last.relation, last.worlds
-        row["expected"] = reference * (1 + apart) if panel.aim is None else reference + apart
+        row["expected"] = reference * (1 + change) if panel.aim is None else reference + change
         row.update(ends("decided", last.interval))
     return rows
 
@@ -220,7 +220,7 @@ def decisions_table(panels: Sequence[Panel]) -> pd.DataFrame:
 
 def _looks(panel: Panel, label: str) -> list[Look]:
     assert panel.rule is not None, "where the worlds are fixed nothing is decided"
-    ours, baseline = (panel.runs_of(one) for one in (label, panel.baselines[label]))
+    ours, baseline = (panel.runs_of(name) for name in (label, panel.baselines[label]))
     return decide(ours, baseline, panel.aim, panel.rule)[0]
 
 
@@ -239,14 +239,14 @@ def decide(
         for rows in (ours, baseline)
     )
     pairs, alpha = frames.paired_worlds(*pair), ALPHA / rule.family
-    apart, reference = pairs.to_numpy().T
-    bets = [] if aim is None else [NOT_KNOWN, *stats.shares(apart, alpha)]
+    differences, reference = pairs.to_numpy().T
+    bets = [] if aim is None else [NOT_KNOWN, *stats.shares(differences, alpha)]
     ended, looks = min(_ended(ours), _ended(baseline)), [Look()]
     for worlds in rule.looks:
         if worlds > ended:
             break
         n = int((pairs.index < worlds).sum())
-        interval = stats.ratio(apart[:n], reference[:n], alpha) if aim is None else bets[n]
+        interval = stats.ratio(differences[:n], reference[:n], alpha) if aim is None else bets[n]
         looks.append(Look(worlds, interval, _relation(interval, rule.margin, aim)))
         if looks[-1].relation != "open" or math.isnan(interval.mean):
             break

@@ -1,7 +1,7 @@
 """Trials as rows of a frame, a row per trial and offset, and their means over worlds.
 
-A trial is told by its setting, its method, its world (``trial``) and its filter seed. Runs are a
-series indexed by the latter two, of one method on one setting; named parts are JSON.
+A trial is identified by its setting, its method, its world (``trial``) and its filter seed. Runs
+are a series indexed by the latter two, of one method on one setting; named parts are JSON.
 """
 
 import json
@@ -42,19 +42,17 @@ def trials_frame(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
     whole = scores_in(listed)
     rows = [
         run_columns(record.trial)
-        | {name: score.get(name) for name in ("offset", *SCORE_NAMES)}
+        | {name: row.get(name) for name in ("offset", *SCORE_NAMES)}
         | {name: record.events.get(name) for name in _COUNTS}
         | {"steps_done": record.steps_done, "scans_used": record.scans_used}
-        | {one.name: value_in(record, one) for one in whole if score["offset"] == 0}
+        | {score.name: value_in(record, score) for score in whole if row["offset"] == 0}
         | {"way": record.journey.curves["way"][-1] if record.journey else None, "failed": False}
         for record in listed
-        for score in record.scores
+        for row in record.scores
     ]
-    rows += [
-        run_columns(trial) | {"offset": 0, "failed": True} | {one.name: one.failed for one in whole}
-        for trial in failures
-    ]
-    names = [one.name for one in whole]
+    failed = {"offset": 0, "failed": True} | {score.name: score.failed for score in whole}
+    rows += [run_columns(trial) | failed for trial in failures]
+    names = [score.name for score in whole]
     columns = [*SETTING, *METHOD, *RUN, "offset", *SCORE_NAMES, *_COUNTS, *names, *INNER]
     frame = pd.DataFrame(rows, columns=columns)
     frame[[*_COUNTS]] = frame[[*_COUNTS]].apply(pd.to_numeric)
@@ -98,7 +96,7 @@ def ends(name: str, interval: Sequence[float] = NOT_KNOWN, mean: str = "") -> di
 
 
 def run_columns(trial: Trial) -> dict[str, Any]:
-    """Return what tells a trial as the columns of a row."""
+    """Return what identifies a trial as the columns of a row."""
     run = dict(zip(RUN, trial.run, strict=True))
     return setting_columns(trial.setting) | method_columns(trial.method) | run
 
@@ -127,14 +125,14 @@ def by_world(runs: pd.Series) -> pd.Series:
 def paired_worlds(ours: pd.Series, theirs: pd.Series) -> pd.DataFrame:
     """Return ours - theirs (apart), and theirs, over the runs in both: a row per world."""
     both = ours.index.intersection(theirs.index).sort_values()
-    apart = ours[both] - theirs[both]
-    return pd.DataFrame({"apart": by_world(apart), "theirs": by_world(theirs[both])})
+    differences = ours[both] - theirs[both]
+    return pd.DataFrame({"apart": by_world(differences), "theirs": by_world(theirs[both])})
 
 
 def whole_runs(rows: pd.DataFrame, score: Score) -> pd.Series:
     """Return a score of whole runs, failed ones too, where it is known; infinite if censored."""
-    found = rows[score.name] if score.name in rows else pd.Series(index=rows.index, dtype="float64")
-    return pd.Series(found[rows["offset"] == 0].dropna())
+    values = rows.get(score.name, pd.Series(index=rows.index, dtype="float64"))
+    return pd.Series(values[rows["offset"] == 0].dropna())
 
 
 def restricted(rows: pd.DataFrame, score: Score, longest: pd.Series) -> pd.Series:
@@ -148,7 +146,7 @@ def restricted(rows: pd.DataFrame, score: Score, longest: pd.Series) -> pd.Serie
 
 def longest_ways(rows: Iterable[pd.DataFrame]) -> pd.Series:
     """Return the longest way that any of these runs drove in each world, m."""
-    ways = pd.concat([one["way"] for one in rows])
+    ways = pd.concat([frame["way"] for frame in rows])
     return pd.Series(ways.groupby("trial").max().dropna())
 
 
@@ -183,7 +181,7 @@ def share_curve(runs: pd.Series) -> pd.DataFrame:
     """
     metres = np.unique([0.0, *runs[np.isfinite(runs)]])
     worlds = [by_world(runs <= most) for most in metres]
-    shares = [float(own.to_numpy().mean()) for own in worlds]
+    shares = [float(values.to_numpy().mean()) for values in worlds]
     bands = [wilson(share, len(worlds[0])) for share in shares]
     low, high = zip(*bands, strict=True)
     return pd.DataFrame({"metres": metres, "share": shares, "low": low, "high": high})
@@ -194,5 +192,5 @@ def errors_by_offset(records: Iterable[Finished]) -> pd.DataFrame:
     rows = [(k, *record.trial.run, e) for record in records for k, e in record.profile.items()]
     errors = by_run(pd.DataFrame(rows, columns=["offset", *RUN, "error"]))
     each = errors.groupby("offset")["error"]
-    means = [(k, *estimate(by_world(own).to_numpy())) for k, own in each]
+    means = [(k, *estimate(by_world(group).to_numpy())) for k, group in each]
     return pd.DataFrame(means, columns=["offset", *Interval._fields])

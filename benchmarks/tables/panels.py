@@ -51,7 +51,7 @@ class Panel:
         """Return it with its rows of the table of all panels."""
         rows = results[results["panel"] == self.number].reset_index(drop=True)
         absent = [score for score in JOURNEY_SCORES.values() if score not in self.scores]
-        rows = rows.drop(columns=[n for one in absent for n in score_columns(one)], errors="ignore")
+        rows = rows.drop(columns=[n for s in absent for n in score_columns(s)], errors="ignore")
         return replace(self, rows=self.labelled(rows))
 
     @property
@@ -70,7 +70,7 @@ class Panel:
 
         Who was carried off is to be found again; who was lost, to be localized.
         """
-        shares = [one for one in self.scores if one.tested and one.unit == "share"]
+        shares = [score for score in self.scores if score.tested and score.unit == "share"]
         return shares[-1] if shares else None
 
     @property
@@ -170,27 +170,28 @@ def panels(
     several; a method without such a parameter is in each of them. Methods that are ``planned`` are
     in their panels before a trial of them has ended.
     """
-    failed, known = list(failures), {method: method for method in labelled}
+    failed, with_labels = list(failures), {method: method for method in labelled}
     settings: dict[Setting, dict[Method, list[Finished]]] = {}
     for setting, method in planned:
-        settings.setdefault(setting, {})[known.get(method, method)] = []
+        settings.setdefault(setting, {})[with_labels.get(method, method)] = []
     for record in records:
         method = record.trial.method
         ended = settings.setdefault(record.trial.setting, {})
-        ended.setdefault(known.get(method, method), []).append(record)
+        ended.setdefault(with_labels.get(method, method), []).append(record)
     groups = [(setting, *group) for setting, ended in settings.items() for group in _groups(ended)]
-    labels = pd.CategoricalDtype(list(dict.fromkeys(one for *_, own in groups for one in own)))
+    distinct = dict.fromkeys(label for *_, methods in groups for label in methods)
+    labels = pd.CategoricalDtype([*distinct])
     titles = _titles([*settings])
     made = []
     for number, (setting, swept, methods) in enumerate(groups, 1):
         finished = {label: settings[setting][method] for label, method in methods.items()}
-        listed = [record for own in finished.values() for record in own]
+        listed = [record for group in finished.values() for record in group]
         called = {method: label for label, method in methods.items()}
         runs = trials_frame(
-            listed, [one for one in failed if one.setting == setting and one.method in called]
+            listed, [t for t in failed if t.setting == setting and t.method in called]
         )
         cells = {(*method_columns(method).values(),): label for method, label in called.items()}
-        told = [cells[cell] for cell in zip(*(runs[name] for name in METHOD), strict=True)]
+        row_labels = [cells[cell] for cell in zip(*(runs[name] for name in METHOD), strict=True)]
         made.append(
             Panel(
                 number=number,
@@ -204,7 +205,7 @@ def panels(
                 },
                 records=finished,
                 scores=scores_in(listed),
-                runs=runs.assign(label=pd.Series(told, dtype=labels)),
+                runs=runs.assign(label=pd.Series(row_labels, dtype=labels)),
                 rule=rule,
             )
         )
@@ -230,16 +231,16 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
     those with labels the one that is named, else the first.
     """
     listed = list(methods)
-    names = [(one.label, one.name, one.agent and one.agent.name) for one in listed]
-    variants = [one for one, own in zip(listed, names, strict=True) if name in own] or listed[:1]
+    variants = [m for m in listed if name in (m.label, m.name, m.agent and m.agent.name)]
+    variants = variants or listed[:1]
     if variants[0].label:
         return variants[0]
     if variants[0].name == name:
-        same = [one for one in variants if one.agent == method.agent]
+        same = [v for v in variants if v.agent == method.agent]
     else:
-        same = [one for one in variants if one.name == method.name]
+        same = [v for v in variants if v.name == method.name]
     variants = same or variants
-    return next((one for one in variants if agree(one.values, method.values)), variants[0])
+    return next((v for v in variants if agree(v.values, method.values)), variants[0])
 
 
 def agree(some: Overrides, others: Overrides) -> bool:
@@ -292,12 +293,12 @@ def _labels(methods: Sequence[Method]) -> dict[str, Method]:
 
 
 def _variant(method: Named, methods: Sequence[Named]) -> list[str]:
-    """Its parameters that tell it from others of the same localizer; words alone if they do."""
+    """Its parameters that tell it from others of the same localizer; texts alone if they do."""
     same = [other.params for other in methods if other.name == method.name]
-    apart = [(n, v) for n, v in method.params.items() if not all(_has(o, n, v) for o in same)]
-    words = [(name, value) for name, value in apart if not is_number(value)]
-    alike = [other for other in same if all(_has(other, *word) for word in words)]
-    return [f"{name}={value}" for name, value in (words if len(alike) == 1 else apart)]
+    distinct = [(n, v) for n, v in method.params.items() if not all(_has(o, n, v) for o in same)]
+    texts = [(name, value) for name, value in distinct if not is_number(value)]
+    alike = [other for other in same if all(_has(other, *text) for text in texts)]
+    return [f"{name}={value}" for name, value in (texts if len(alike) == 1 else distinct)]
 
 
 def _has(params: Overrides, name: str, value: Any) -> bool:
@@ -306,8 +307,8 @@ def _has(params: Overrides, name: str, value: Any) -> bool:
 
 def common_words(settings: Collection[Setting]) -> list[str]:
     """What all of several settings have of world, assumptions and disturbances; of one nothing."""
-    first, *others = map(_words, settings)
-    return [words for words in first if others and all(words in one for one in others)]
+    first, *others = map(_setting_words, settings)
+    return [part for part in first if others and all(part in other for other in others)]
 
 
 def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
@@ -318,20 +319,20 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
     common = common_words(settings) if settings else []
     titles = {}
     for setting in settings:
-        words = [f"scenario {names[setting.scenario]}"]
-        words += [own for own in _words(setting) if own not in common]
-        words += [f"L {setting.lag}"] if several_lags else []
-        words += [f"seed {setting.seed}"] if several_seeds else []
-        titles[setting] = ", ".join(words)
+        parts = [f"scenario {names[setting.scenario]}"]
+        parts += [part for part in _setting_words(setting) if part not in common]
+        parts += [f"L {setting.lag}"] if several_lags else []
+        parts += [f"seed {setting.seed}"] if several_seeds else []
+        titles[setting] = ", ".join(parts)
     return titles
 
 
 def trial_words(trial: Trial) -> list[str]:
     """Return a trial's setting and method, a part each; files without their folder."""
-    return [trial.scenario, *_words(trial.setting), f"L={trial.lag}", str(trial.method)]
+    return [trial.scenario, *_setting_words(trial.setting), f"L={trial.lag}", str(trial.method)]
 
 
-def _words(setting: Setting) -> list[str]:
+def _setting_words(setting: Setting) -> list[str]:
     assumptions = setting.assumed.items()
     assumed = (f"assumed {n} {short_name(v) if isinstance(v, str) else v}" for n, v in assumptions)
     named = {n: v for n, v in setting.world.items() if n in FILES and isinstance(v, str | tuple)}
@@ -341,7 +342,7 @@ def _words(setting: Setting) -> list[str]:
 
 
 def disturbance_words(wrapper: Overrides) -> str:
-    """Its kind, and what it was given."""
-    given = dict(wrapper)
-    kind = given.pop("kind", "disturbance")
-    return " ".join([kind, *(f"{name} {value}" for name, value in given.items())])
+    """Its kind, and its arguments."""
+    arguments = dict(wrapper)
+    kind = arguments.pop("kind", "disturbance")
+    return " ".join([kind, *(f"{name} {value}" for name, value in arguments.items())])

@@ -33,7 +33,7 @@ def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Interv
     two worlds or more have steps in trouble, and two or more have others. Arrays are (N,), worlds
     numbered from 0.
     """
-    far, others = (np.bincount(world[trouble == one], minlength=worlds) for one in (True, False))
+    far, others = (np.bincount(world[trouble == flag], minlength=worlds) for flag in (True, False))
     wins, pairs = pairs_in_order(values, trouble, world, worlds), far.sum() * others.sum()
     area = float(wins.sum() / pairs) if pairs else math.nan
     if min((far > 0).sum(), (others > 0).sum()) < 2:
@@ -76,12 +76,15 @@ def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
             "scenarios": " ".join(panel.setting.scenario for panel in group),
             "panel": group[0].number,
         }
-        of = [(method, panel, label) for panel in group for label, method in panel.methods.items()]
-        for method in dict.fromkeys(method for method, *_ in of):
-            mine = [(panel, label) for other, panel, label in of if other == method]
-            records = [r for panel, label in mine for r in panel.records[label] if r.plan]
-            told = mine[0][0].columns(mine[0][1]) | shared
-            rows += [told | found for found in _of_plans(_steps(records, _plan))]
+        places: dict[object, list[tuple[Panel, str]]] = {}
+        for panel in group:
+            for label, method in panel.methods.items():
+                places.setdefault(method, []).append((panel, label))
+        for members in places.values():
+            first, name = members[0]
+            records = [r for panel, label in members for r in panel.records[label] if r.plan]
+            columns = first.columns(name) | shared
+            rows += [columns | signal for signal in _of_plans(_steps(records, _plan))]
     return pd.DataFrame(rows, columns=[*_PLANS, "panel", "label"])
 
 
@@ -106,11 +109,11 @@ def _detected(steps: pd.DataFrame, name: str, columns: tuple[str, str]) -> dict[
     These are the AUROC with its interval, the share of steps in trouble, and in how many worlds;
     NaN if there is no such step.
     """
-    known = steps.dropna(subset=[name, "trouble"])
-    if known.empty:
+    complete = steps.dropna(subset=[name, "trouble"])
+    if complete.empty:
         return ends("auroc", NOT_KNOWN) | dict.fromkeys(columns, math.nan)
-    trouble, world = known["trouble"].to_numpy() > 0, known["world"].to_numpy()
-    area = auroc(known[name].to_numpy(), trouble, world, int(steps["world"].max()) + 1)
+    trouble, world = complete["trouble"].to_numpy() > 0, complete["world"].to_numpy()
+    area = auroc(complete[name].to_numpy(), trouble, world, int(steps["world"].max()) + 1)
     shares = float(trouble.mean()), float(np.unique(world[trouble]).size)
     return ends("auroc", area) | dict(zip(columns, shares, strict=True))
 
@@ -120,11 +123,12 @@ def _steps(
 ) -> pd.DataFrame:
     """Return the steps t ≥ 1 of trials as rows, with the numbers of their worlds from 0."""
     listed = list(records)
-    worlds = {world: i for i, world in enumerate(sorted({one.trial.trial for one in listed}))}
+    numbers = sorted({record.trial.trial for record in listed})
+    worlds = {world: i for i, world in enumerate(numbers)}
     runs = [
-        pd.DataFrame({name: np.array(values, np.float64) for name, values in columns(one).items()})
-        .assign(world=worlds[one.trial.trial], run=run)
-        for run, one in enumerate(listed)
+        pd.DataFrame({n: np.array(values, np.float64) for n, values in columns(record).items()})
+        .assign(world=worlds[record.trial.trial], run=run)
+        for run, record in enumerate(listed)
     ]  # fmt: skip
     return pd.concat(runs, ignore_index=True) if runs else pd.DataFrame(columns=[*_OTHERS])
 

@@ -72,7 +72,7 @@ def relative_change(differences: Floats, reference: Floats) -> Interval:
     if differences.size < 2 or np.isnan(differences).any():
         return Interval(share)
     drawn = _resamples(differences.size)
-    shares = [differences[one].sum(axis=1) / reference[one].sum(axis=1) for one in drawn]
+    shares = [differences[worlds].sum(axis=1) / reference[worlds].sum(axis=1) for worlds in drawn]
     return Interval(share, *_middle(shares, (0.025, 0.975)))
 
 
@@ -292,10 +292,10 @@ def shares(apart: Floats, alpha: float) -> list[Interval]:
     up = np.log1p(np.minimum(stake, _MOST / tried) * gain).cumsum(axis=0)
     down = np.log1p(-np.minimum(stake, _MOST / (1 - tried)) * gain).cumsum(axis=0)
     capital = np.maximum.accumulate(np.maximum(up, down), axis=0) - math.log(2)
-    means, found = np.cumsum(apart) / count, []
+    means, intervals = np.cumsum(apart) / count, []
     for mean, held in zip(means, capital < -math.log(alpha), strict=True):
         left = np.flatnonzero(held)
         ends = (left[0], left[-1] + 2) if left.size else (0, tried.size + 1)
         low, high = (round(float(end * _STEP - 1), 3) for end in ends)
-        found.append(Interval(float(mean), low, high))
-    return found
+        intervals.append(Interval(float(mean), low, high))
+    return intervals

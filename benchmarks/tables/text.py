@@ -12,19 +12,19 @@ BLIND = "dead-reckoning"  # uses no scan, so that it localizes nothing
 
 
 def short_name(name: str) -> str:
-    """A name for readers: a plug-in's class, or the file of a scenario, without the way to it."""
+    """A name for readers: a plug-in's class, or the file of a scenario, without the path to it."""
     return name.rsplit(":", 1)[-1].replace("\\", "/").rsplit("/", 1)[-1].removesuffix(".toml")
 
 
 def short_names(names: Collection[str]) -> dict[str, str]:
-    """Names for readers; of those of one short name as much of the way as tells them apart."""
+    """Names for readers; those that share a short name have as much of the path as differs."""
     short = {name: short_name(name) for name in names}
-    ways = {name: name.replace("\\", "/").split("/") for name in names}
-    for name, way in ways.items():
-        rivals = [ways[one] for one in names if one != name and short_name(one) == short[name]]
+    paths = {name: name.replace("\\", "/").split("/") for name in names}
+    for name, path in paths.items():
+        rivals = [p for n, p in paths.items() if n != name and short_name(n) == short[name]]
         if rivals:
-            parts = next(n for n in count(1) if all(one[-n:] != way[-n:] for one in rivals))
-            short[name] = "/".join(way[-parts:])
+            parts = next(n for n in count(1) if all(rival[-n:] != path[-n:] for rival in rivals))
+            short[name] = "/".join(path[-parts:])
     return short
 
 
@@ -39,10 +39,10 @@ def fixed(value: float, digits: int = 2) -> str:
 
 
 def file_words(labels: Sequence[str]) -> list[str]:
-    """Return names of files, an own one for each label; a label that may be one is its own."""
-    words = [re.sub(r"[^\w.-]+", "-", label).strip("-.") for label in labels]
-    each = enumerate(zip(words, labels, strict=True), 1)
-    return [word if word == label else f"{word}-{number}" for number, (word, label) in each]
+    """Return a file name for each label: the label itself, if it can be one."""
+    stems = [re.sub(r"[^\w.-]+", "-", label).strip("-.") for label in labels]
+    each = enumerate(zip(stems, labels, strict=True), 1)
+    return [stem if stem == label else f"{stem}-{number}" for number, (stem, label) in each]
 
 
 def percent(share: float, digits: int = 0) -> str:

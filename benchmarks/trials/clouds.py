@@ -47,8 +47,8 @@ def measure(
     start = 0
     for k in range(ends.size):
         end = ends[k]
-        cloud, own = poses[:, start:end].astype(np.float64), weights[start:end].copy()
-        _measure(cloud, own, truth[k], floor, far, fully, out[k])
+        cloud, masses = poses[:, start:end].astype(np.float64), weights[start:end].copy()
+        _measure(cloud, masses, truth[k], floor, far, fully, out[k])
         start = end
 
 
@@ -96,12 +96,12 @@ def _measure(
         out[4:8], out[9:12] = math.nan, math.nan
     elif fully:
         designed = n <= DESIGNED and weights.min() == weights.max()
-        out[8] -= _apart(x, y, weights) if designed else _apart_of_some(x, y, weights)
+        out[8] -= _dispersion(x, y, weights) if designed else _sampled_dispersion(x, y, weights)
         out[9], out[10], out[11] = _of_spread(cloud, weights, out, truth, floor)
 
 
 @compiled
-def _apart(x: Floats, y: Floats, weights: Floats) -> Scalar:
+def _dispersion(x: Floats, y: Floats, weights: Floats) -> Scalar:
     """½ E|X - X'| = Σ_{k<j} w_j w_k |x_j - x_k|, in (x, y), float32, good to 1e-6."""
     n = weights.size
     east, north = (x - x[0]).astype(np.float32), (y - y[0]).astype(np.float32)
@@ -110,14 +110,14 @@ def _apart(x: Floats, y: Floats, weights: Floats) -> Scalar:
         for k in range(j):
             dx, dy = east[j] - east[k], north[j] - north[k]
             spread[k] += weight[j] * np.sqrt(dx * dx + dy * dy)
-    apart = 0.0
+    distance = 0.0
     for k in range(n):
-        apart += weights[k] * spread[k]
-    return apart
+        distance += weights[k] * spread[k]
+    return distance
 
 
 @compiled
-def _apart_of_some(x: Floats, y: Floats, weights: Floats) -> Scalar:
+def _sampled_dispersion(x: Floats, y: Floats, weights: Floats) -> Scalar:
     """½ the mean distance of pairs of particles at the cumulative weights (j + ½) / PAIRED."""
     n = weights.size
     some_x, some_y, spread = np.empty(PAIRED), np.empty(PAIRED), np.zeros(PAIRED)
@@ -135,10 +135,10 @@ def _apart_of_some(x: Floats, y: Floats, weights: Floats) -> Scalar:
         for k in range(j):
             dx, dy = some_x[j] - some_x[k], some_y[j] - some_y[k]
             spread[k] += math.sqrt(dx * dx + dy * dy)
-    apart = 0.0
+    distance = 0.0
     for k in range(PAIRED):
-        apart += spread[k]
-    return apart / (PAIRED * (PAIRED - 1))
+        distance += spread[k]
+    return distance / (PAIRED * (PAIRED - 1))
 
 
 @compiled
@@ -253,8 +253,8 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
             f"{what} has poses of shape {poses.shape} and weights of shape {weights.shape}, "
             "but must be poses (n, 3) and weights (n,) of one point or more."
         )
-    kept: type[np.floating[Any]] = np.float32 if poses.dtype == np.float32 else np.float64
-    return Cloud(state, offset, np.array(poses, kept, order="F").T, np.array(weights, np.float64))
+    dtype: type[np.floating[Any]] = np.float32 if poses.dtype == np.float32 else np.float64
+    return Cloud(state, offset, np.array(poses, dtype, order="F").T, np.array(weights, np.float64))
 
 
 def _numbers(what: str, name: str, given: Any) -> NDArray[Any]:
@@ -276,12 +276,11 @@ def _numbers(what: str, name: str, given: Any) -> NDArray[Any]:
 
 def joined(clouds: Sequence[Cloud], truth: Sequence[Reals], moves: Floats | None = None) -> Clouds:
     """Put clouds together, with the truth of each state and the increment on the way, (k, 3)."""
-    weights = [cloud.weights for cloud in clouds]
     return Clouds(
         each=clouds,
         poses=np.concatenate([cloud.poses for cloud in clouds], axis=1),
-        weights=np.concatenate(weights),
-        ends=np.cumsum([own.size for own in weights]),
+        weights=np.concatenate([cloud.weights for cloud in clouds]),
+        ends=np.cumsum([cloud.weights.size for cloud in clouds]),
         truth=np.array(truth, np.float64),
         moves=np.zeros((len(clouds), 3)) if moves is None else moves,
     )

@@ -99,13 +99,13 @@ def followed(
     for shown in steps:
         plan = NO_PLAN if shown.own and not takes_own else shown.plan
         call: Callable[..., Belief] = localizer.update
-        given: tuple[Any, ...]
+        arguments: tuple[Any, ...]
         if shown.t == 0:
-            call, given = localizer.reset, (prior(), np.array(plan), rng)
+            call, arguments = localizer.reset, (prior(), np.array(plan), rng)
         else:
-            given = shown.ranges.copy(), np.array(shown.action), np.array(plan)
+            arguments = shown.ranges.copy(), np.array(shown.action), np.array(plan)
         started = time.perf_counter()
-        belief = call(*given)
+        belief = call(*arguments)
         seconds = time.perf_counter() - started
         yield shown._replace(belief=belief, seconds=seconds, plan=plan)
 

@@ -67,7 +67,7 @@ class Estimates:
 
     @cached_property
     def error(self) -> Floats:
-        """E of each state, (k,)."""
+        """Error e of each state, (k,)."""
         return state_error(self.means, self.truth)
 
     @cached_property

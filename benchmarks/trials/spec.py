@@ -53,8 +53,8 @@ class Method(Named):
     @property
     def values(self) -> Overrides:
         """All parameters by name, those of the agent as "agent.…"."""
-        own = self.agent.params if self.agent else NOTHING
-        return self.params | {f"agent.{name}": value for name, value in own.items()}
+        params = self.agent.params if self.agent else NOTHING
+        return self.params | {f"agent.{name}": value for name, value in params.items()}
 
     @property
     def reference(self) -> str:
@@ -62,8 +62,8 @@ class Method(Named):
         return f"{self.agent.name} with {self.name}" if self.agent else self.name
 
     def __str__(self) -> str:
-        own = super().__str__()
-        return f"{self.agent} with {own}" if self.agent else own
+        localizer = super().__str__()
+        return f"{self.agent} with {localizer}" if self.agent else localizer
 
     def json(self) -> dict[str, Any]:
         """Return it as JSON-able values, without the agent."""
@@ -144,8 +144,8 @@ class Trial:
 
     def key(self, provenance: str) -> str:
         """Name of its result: a hash of the canonical configuration and of what computes it."""
-        words = json.dumps([self.canonical(), provenance], sort_keys=True, allow_nan=False)
-        return hashlib.sha256(words.encode()).hexdigest()[:32]
+        text = json.dumps([self.canonical(), provenance], sort_keys=True, allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def stream(seed: int, *key: int) -> np.random.Generator:
@@ -165,7 +165,7 @@ _LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
 # All that a trial runs: a new table or report makes no result out of date.
 _OURS = ("setup", "agents", "policies", "trials")
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-PACKAGES = ("deqmcl_gym", "localizers", *(f"benchmarks.{own}" for own in _OURS))
+PACKAGES = ("deqmcl_gym", "localizers", *(f"benchmarks.{part}" for part in _OURS))
 
 
 Environment = dict[str, str | dict[str, str]]
@@ -186,8 +186,8 @@ class Provenance(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def _shared(self) -> str:
-        words = f"{self.code} {sorted(self.libraries.items())}"
-        return hashlib.sha256(words.encode()).hexdigest()
+        text = f"{self.code} {sorted(self.libraries.items())}"
+        return hashlib.sha256(text.encode()).hexdigest()
 
 
 @cache
@@ -223,26 +223,26 @@ def _statements(path: Path) -> bytes:
     """Return the syntax of a source file: each node's type and fields, docstrings left out."""
     if path.suffix == ".toml":
         return repr(tomllib.loads(path.read_text(encoding="utf-8"))).encode()
-    words: list[str] = []
+    tokens: list[str] = []
 
     def add(value: Any) -> None:
         if isinstance(value, list):
-            words.append(f"{len(value)}")
+            tokens.append(f"{len(value)}")
             for item in value:
                 add(item)
         elif isinstance(value, ast.AST):
-            words.append(type(value).__name__)
+            tokens.append(type(value).__name__)
             if isinstance(value, _DOCUMENTED) and ast.get_docstring(value, clean=False) is not None:
                 del value.body[0]
             for name in value._fields:
                 if (inner := getattr(value, name, None)) is not None and inner != []:
-                    words.append(name)
+                    tokens.append(name)
                     add(inner)
         else:
-            words.append(repr(value))
+            tokens.append(repr(value))
 
     add(ast.parse(path.read_bytes()))
-    return "\0".join(words).encode(errors="surrogatepass")
+    return "\0".join(tokens).encode(errors="surrogatepass")
 
 
 @cache

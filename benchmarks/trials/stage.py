@@ -229,8 +229,8 @@ def key_of(trial: Trial) -> str:
 def guest_of(trial: Trial) -> str:
     """Return the names of a trial's plug-ins: all that are not ours; "" if none is."""
     localizer = (trial.localizer,) if LOCALIZER.is_plug_in(trial.localizer) else ()
-    found = scenario(trial.scenario)
-    usual = plug_ins_of(found.agent, getattr(found.scan, "kind", None))
+    base = scenario(trial.scenario)
+    usual = plug_ins_of(base.agent, getattr(base.scan, "kind", None))
     return " ".join((*localizer, *usual, *plug_ins_of(trial.agent, trial.assumed.get(SCAN_KIND))))
 
 
@@ -257,10 +257,10 @@ def attempt(trial: Trial, key: str) -> Outcome:
     """
     try:
         with contextlib.chdir(os.curdir), warnings.catch_warnings():  # localizers may go
-            warnings.simplefilter("ignore", LogWarning)  # said when the sweep was checked
-            here = multiprocessing.parent_process() is None
-            own = LOCALIZER.added if here else LOCALIZER.received
-            if trial.localizer not in own and key_of(trial) != key:
+            warnings.simplefilter("ignore", LogWarning)  # shown when the sweep was checked
+            in_main = multiprocessing.parent_process() is None
+            loaded = LOCALIZER.added if in_main else LOCALIZER.received
+            if trial.localizer not in loaded and key_of(trial) != key:
                 return Outcome(
                     reason="its worker loaded other code, libraries or plug-in than the sweep: "
                     "run the command again, with the same on every machine"
@@ -269,11 +269,11 @@ def attempt(trial: Trial, key: str) -> Outcome:
             repeats = isinstance(stage.scenario, RoomScenario)
             alike = _driven(trial.episode, key_of(trial.episode)) if repeats else None
             trace = stage.trace(alike)
-            kept = record(trace)
+            result = record(trace)
     except BaseException as error:
         if is_ctrl_c(error):
             raise
         return Outcome(reason=reason_of(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
-    return Outcome(record=kept, seconds=trace.seconds)
+    return Outcome(record=result, seconds=trace.seconds)

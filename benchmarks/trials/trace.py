@@ -282,9 +282,8 @@ class _Beliefs:
         if self._due:
             states = [cloud.state for cloud in self._due]
             moves = np.zeros((len(states), 3))
-            commands = {
-                k: own for k, s in enumerate(states) if (own := self._trace.actions[s]) is not None
-            }
+            actions = self._trace.actions
+            commands = {k: actions[s] for k, s in enumerate(states) if actions[s] is not None}
             if commands:
                 moves[[*commands]] = increments(np.array([*commands.values()]))
             clouds = joined(self._due, [self._trace.poses[s] for s in states], moves)

@@ -189,7 +189,7 @@ def absolute(estimate: Floats, reference: Floats) -> PoseErrors:
 def relative_errors(estimate: Floats, reference: Floats) -> PoseErrors:
     """RPE: how far the motion from pose to pose is from that of the reference."""
     known = np.isfinite(reference).all(axis=1)
-    driven, meant = (relative(own[:-1], own[1:]) for own in (estimate[known], reference[known]))
+    driven, meant = (relative(path[:-1], path[1:]) for path in (estimate[known], reference[known]))
     return absolute(driven, meant)
 
 
@@ -219,8 +219,8 @@ class EstimatedTrack:
     @cached_property
     def known(self) -> Indices:
         """The records with a reference and an estimate, in order."""
-        known: Indices = self.referenced[np.isfinite(self.best[self.referenced, 0])]
-        return known
+        records: Indices = self.referenced[np.isfinite(self.best[self.referenced, 0])]
+        return records
 
     @cached_property
     def way(self) -> Floats:
@@ -241,8 +241,8 @@ class EstimatedTrack:
     def at_stamps(self) -> Indices:
         """Which of the known records are at times of the reference's own poses."""
         between = self.log.interpolated
-        own = np.ones(self.known.size, bool) if between is None else ~between[self.known]
-        return np.flatnonzero(own)
+        original = np.ones(self.known.size, bool) if between is None else ~between[self.known]
+        return np.flatnonzero(original)
 
     def deviations(self, first: int = 0, last: int | None = None) -> tuple[Floats, Floats]:
         """Offsets of the reference (k, 3), and covariances, NaN unknown, from record to record.
@@ -250,8 +250,8 @@ class EstimatedTrack:
         At records with an estimate: those at the reference's own times, if there are any.
         """
         at = self.known[(self.known >= first) & (self.known < (last or len(self.best)))]
-        own = np.intersect1d(at, self.known[self.at_stamps])
-        at = own if own.size else at
+        stamped = np.intersect1d(at, self.known[self.at_stamps])
+        at = stamped if stamped.size else at
         truth = np.empty((0, 3)) if self.log.reference is None else self.log.reference[at]
         off = truth - self.best[at]
         off[:, 2] = arrays.wrapped(off[:, 2])
@@ -300,12 +300,12 @@ def calibration_of_gaussians(off: Floats, covariances: Floats, unit: str) -> Flo
     score ½ (NEES + log det 2πP). NaN where d or P is.
     """
     known = np.isfinite(off).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
-    found = np.full((len(off), 3), math.nan)
+    scores = np.full((len(off), 3), math.nan)
     fitted = np.empty((int(known.sum()), 3))
     floor = covariance_floor(unit)
     fits(off[known], covariances[known] + np.diag(floor), fitted)
-    found[known] = np.column_stack([1 - arrays.exp(-fitted[:, 0] / 2), fitted[:, 1:]])
-    return found
+    scores[known] = np.column_stack([1 - arrays.exp(-fitted[:, 0] / 2), fitted[:, 1:]])
+    return scores
 
 
 def mean(values: Floats | Bools) -> float:
