@@ -14,6 +14,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pandas as pd
+from tqdm.auto import tqdm
 
 import deqmcl_gym  # noqa: F401 # registers the environments
 from benchmarks.agents import AGENTS
@@ -21,7 +22,7 @@ from benchmarks.tables.stats import wilson
 from deqmcl_gym.envs.acting import ActingEnv, TrackEnv
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Floats, Singles
-from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.validation import InputError, integer, one_of, shown
 from localizers.tasks import BEAM_POWER, OFFICE, robot_model
 
 Policy = Callable[[Any, dict[str, Any]], Any]  # policy(observation, info) returns an action
@@ -84,7 +85,7 @@ class Evaluation:
         """Return the row in a line of words."""
         row = self.row
         gain = "" if self.reference is None else (
-            f" ({row['gain']:+.1f} ± {row['gain ±']:.1f} to {self.reference.policy})"
+            f" ({row['gain']:+.1f} ± {row['gain ±']:.1f} against {self.reference.policy})"
         )  # fmt: skip
         return (
             f"{self.policy} in {self.task}, {len(self.episodes)} episodes: return "
@@ -121,26 +122,26 @@ def evaluate(
     Raises:
         InputError: an unknown id or policy, or a reference of other episodes.
     """
+    if not isinstance(task, str):
+        raise InputError(f"the task is {shown(task)}, but must be an id, such as 'Localize-v0'.")
     name = one_of("task", task.removeprefix("deqmcl_gym/"), REFERENCES)
     count = integer("episodes", episodes, low=1)
-    if isinstance(reference, str):
-        same = isinstance(policy, str) and policy == reference
-        reference = None if same else evaluate(
-            name, reference, episodes=count, reference=None, **made
-        )  # fmt: skip
-    if isinstance(policy, str):
-        one_of(f"policy of {name}", policy, REFERENCES[name])
-        title = policy
-    else:
-        title = getattr(policy, "__name__", type(policy).__name__)
+    for named in (policy, reference):
+        if isinstance(named, str):
+            one_of(f"policy of {name}", named, REFERENCES[name])
+    title: str = getattr(policy, "__name__", type(policy).__name__)
+    title = policy if isinstance(policy, str) else title
     rows = []
-    for seed in range(count):
+    for seed in tqdm(range(count), title, disable=None, leave=False):
         office = {"floor_plan": {"office": {**OFFICE, "seed": seed % BUILDINGS}}}
         options = office if name == "Localize-v0" else {}
         env: gym.Env[Any, Any] = Counted(gym.make(f"deqmcl_gym/{name}", **options | made))
         rows.append(_played(env, policy, seed, wrap, deterministic))
         env.close()
     frame = pd.DataFrame(rows, index=pd.RangeIndex(count, name="seed"))
+    if isinstance(reference, str):
+        beside = {"episodes": count, "reference": None, **made}
+        reference = None if reference == policy else evaluate(name, reference, **beside)
     if reference is not None and not frame.index.equals(reference.episodes.index):
         raise InputError(
             f"the reference has {len(reference.episodes)} episodes, but {count} are played: "

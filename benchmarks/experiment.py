@@ -32,7 +32,7 @@ from benchmarks.tables.frames import INNER, trials_frame
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.validation import InputError, integer, shown
+from deqmcl_gym.validation import InputError, amount, integer, shown
 from localizers import registered
 from localizers.registry import Factory
 
@@ -121,8 +121,10 @@ class Experiment:
             folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/experiment")
             running = stack.enter_context(self.begun(folder, options, command))
             results = running.results()
-            files = write_report(folder, results) if report else []
-            return ExperimentResults(self.sweep, results, tuple(files))
+            text = ""
+            if report:
+                text = summary(self.sweep, results, folder, write_report(folder, results))
+            return ExperimentResults(self.sweep, results, text)
 
     @contextmanager
     def begun(self, out: Path, options: Options, command: Sequence[str]) -> Iterator[Running]:
@@ -135,7 +137,9 @@ class Experiment:
 
     def __repr__(self) -> str:
         methods = ", ".join(map(str, self.sweep.localizers))
-        return f"<Experiment {self.sweep.title!r}: {self.sweep.planned:,} trials of {methods}>"
+        with knowing(self.factories):
+            trials = amount(self.sweep.planned, "trial")
+        return f"<Experiment {self.sweep.title!r}: {trials} of {methods}>"
 
 
 @dataclass(frozen=True)
@@ -144,7 +148,7 @@ class ExperimentResults:
 
     sweep: Sweep
     results: Results  #: all of it, for whom the tables are not enough
-    files: tuple[Path, ...] = ()  #: of its report, if one was written where it ran
+    text: str = ""  #: how far it is and what was written, if a report was
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -160,17 +164,17 @@ class ExperimentResults:
         return _with_varied(table, self.sweep)
 
     def plot(self, over: str, value: str = "error", *, offset: int = 0) -> "Figure":
-        """Draw a column of ``table`` over one that was varied, with its 95 % intervals.
+        """Draw a column of ``table`` over one that was varied, with 95 % intervals if it has any.
 
         Columns are such as "particles" and "error", with error_low and error_high. One that is not
         there, or has no numbers, raises ``InputError``.
         """
-        from benchmarks.report.charts import line, styled
+        from benchmarks.report.charts import line, shown_in_notebooks, styled
 
         table = self.table[self.table["offset"] == offset]
         if table.empty:
             raise InputError(f"no trial with a state at offset {offset} is finished.")
-        for name in (over, value, f"{value}_low"):
+        for name in (over, value):
             if name not in table or not pd.api.types.is_numeric_dtype(table[name]):
                 numbers = table.select_dtypes("number").columns
                 raise InputError(
@@ -181,10 +185,11 @@ class ExperimentResults:
         for name in others:
             labels = labels + f", {name} = " + table[name].map(str)
         rows = table.assign(label=labels)[table[over].notna()].sort_values(over, kind="stable")
+        ends = [f"{value}_low", f"{value}_high"] if f"{value}_low" in rows else []
         with styled():
-            axes = line(rows, over, value, f"{value}_low", f"{value}_high")
+            axes = line(rows, over, value, *ends)
             axes.set(xlabel=over, ylabel=value)
-            return cast("Figure", axes.figure)
+        return shown_in_notebooks(cast("Figure", axes.figure))
 
     def report(self, out: str | Path) -> Path:
         """Write report.html and all tables into a folder; return the page."""
@@ -193,10 +198,7 @@ class ExperimentResults:
 
     def __str__(self) -> str:
         """Return what the command prints."""
-        if not self.files:
-            return repr(self)
-        text = summary(self.sweep, self.results, self.files[0].parent, self.files)
-        return f"{text}\n{conclusion(self.results)}"
+        return f"{self.text}\n{conclusion(self.results)}" if self.text else repr(self)
 
     def __repr__(self) -> str:
         lines = [conclusion(self.results), incomplete_sentence(self.results)]

@@ -116,6 +116,11 @@ def one_of(what: str, name: object, valid: Iterable[str], further: str = "") -> 
     raise InputError(f"unknown {what} {shown(name)}: {hint}allowed values: {allowed}{further}.")
 
 
+def amount(number: int, noun: str) -> str:
+    """Return "1 run", "2,000 runs"."""
+    return f"{number:,} {noun}{'s' * (number != 1)}"
+
+
 def check_arguments(given: Iterable[str], valid: Iterable[str]) -> None:
     """Refuse keyword arguments that are not among ``valid``, with the nearest one that is."""
     names = list(valid)

@@ -303,7 +303,9 @@ def raised(error: BaseException, file: str | None = None) -> str:
     frames = [frame for frame in frames if frame.filename == file] or frames
     if not frames or isinstance(error, SyntaxError):  # it says where
         return words
-    return f"{words} ({Path(frames[-1].filename).name}, line {frames[-1].lineno})"
+    path = Path(frames[-1].filename)
+    place = "the cell" if path.parent.name.startswith("ipykernel") else path.name
+    return f"{words} ({place}, line {frames[-1].lineno})"
 
 
 def reason_of(error: BaseException) -> str:

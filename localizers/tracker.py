@@ -18,7 +18,7 @@ from deqmcl_gym.logs.scans import resampled
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import PIXELS, pixel
 from deqmcl_gym.numerics import Floats, Pose, Reals
-from deqmcl_gym.validation import InputError, number, one_of
+from deqmcl_gym.validation import InputError, number, one_of, shown
 from localizers.api import Belief, Localizer, Prior, best_cluster, quality_of
 from localizers.calibration import Calibration, spread_about
 from localizers.models.robot import RobotModel
@@ -123,6 +123,11 @@ class Tracker:
     counts: Counts = field(default_factory=Counts, init=False)
 
     def __post_init__(self) -> None:
+        if not (hasattr(self.localizer, "reset") and hasattr(self.localizer, "update")):
+            raise InputError(
+                f"the localizer is {shown(self.localizer)}, but must have reset and update: give "
+                "one that localizers.make makes."
+            )
         size = pixel(one_of("unit of length", self.unit, PIXELS))
         every = (_EVERY[0] * size, _EVERY[1]) if self.every is None else self.every
         fastest = (FASTEST[0] * size, FASTEST[1]) if self.fastest is None else self.fastest

@@ -92,16 +92,16 @@ def paper_command(options: argparse.Namespace) -> str:
 def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
     from benchmarks.report.tables import table_1
     from benchmarks.tables.text import short_name
+    from deqmcl_gym.validation import amount
 
-    worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
-    mark = "# " if style == "github" else ""
+    mark, paper = "# " if style == "github" else "", sweep.scenario == "paper"
     title = (
-        f"{mark}Table 1, scenario {short_name(sweep.scenario)}: {worlds}, N = "
-        f"{sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}; the paper's values "
-        "beside ours"
+        f"{mark}Table 1, scenario {short_name(sweep.scenario)}: {amount(sweep.trials, 'world')}, "
+        f"N = {sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}"
     )
-    table = table_1(results.table, variances=style == "github").text(style)
-    return f"{title}\n\n{table}\n\n{PAPER_NOTE}\n"
+    title += "; the paper's values beside ours" if paper else ""
+    table = table_1(results.table, variances=style == "github", paper=paper).text(style)
+    return "\n\n".join([title, table, *([PAPER_NOTE] if paper else [])]) + "\n"
 
 
 @command(

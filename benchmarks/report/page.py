@@ -25,7 +25,7 @@ from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, timings_table, trials_frame
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import percent, short_name
+from benchmarks.tables.text import percent, short_name, short_names
 from benchmarks.trials.scores import GROUPS
 from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym import __version__
@@ -208,6 +208,7 @@ def _engine() -> Any:
     )
     engine.filters |= {
         "short": short_name,
+        "shorts": short_names,
         "base64": lambda content: b64encode(content).decode(),
         "table": lambda table: Markup(table.html),  # its cells are escaped
         "tex": escaped,

@@ -292,8 +292,8 @@ TABLE_1 = {  # as printed (Taniguchi, Fukawa & Yamakawa 2024)
 }
 
 
-def table_1(rows: pd.DataFrame, *, variances: bool = False) -> Table:
-    """Our Table 1, of one panel's ``results_table``, with the paper's values beside ours."""
+def table_1(rows: pd.DataFrame, *, variances: bool = False, paper: bool = True) -> Table:
+    """Our Table 1, of one panel's ``results_table``, with the ``paper``'s values beside ours."""
 
     def printed(form: str) -> list[str]:
         return [
@@ -318,4 +318,5 @@ def table_1(rows: pd.DataFrame, *, variances: bool = False) -> Table:
         digits = 1 if name in ("var_x", "var_y") else 3
         columns[title] = [fixed(value, digits) for value in rows[name]]
         columns[f"paper's {title}"] = printed(f"{{{name}:g}}")
-    return Table("", pd.DataFrame(columns))
+    shown = [name for name in columns if paper or not name.startswith("paper")]
+    return Table("", pd.DataFrame(columns)[shown])

@@ -13,7 +13,16 @@ from benchmarks.tables import stats
 from benchmarks.tables.comparison import RELATIONS
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, Interval
-from benchmarks.tables.text import BLIND, interval, p_value, percent, short_name, significant
+from benchmarks.tables.text import (
+    BLIND,
+    estimated,
+    interval,
+    p_value,
+    percent,
+    short_name,
+    significant,
+)
+from deqmcl_gym.validation import amount
 
 AT_ALL_LOOKS = "95 % at all looks"  # what an interval of a decided comparison is
 _COVERAGE_APART = 0.1  # difference of shares inside a region that is worth a sentence
@@ -206,9 +215,11 @@ def _on_a_log(panel: Panel) -> str:
     score, rows = "position_median", panel.present
     if score not in rows or len(rows) == 1:
         return ""
-    if (rows["worlds"] == 1).all():
-        least = stats.least_worlds((len(rows) - 1) * (1 + sum(s.tested for s in panel.scores)))
-        return f"One run each decides nothing: give --seeds {least} or more."
+    runs = int(rows["worlds"].max())
+    tests = (len(rows) - 1) * (1 + sum(score.tested for score in panel.scores))
+    if stats.least_p(runs, tests) >= ALPHA:
+        least = stats.least_worlds(tests)
+        return f"{amount(runs, 'run')} each cannot decide: give --seeds {least} or more."
     rows = rows.sort_values(score)
     low, high = rows[f"{score}_diff_low"], rows[f"{score}_diff_high"]
     clear = rows[((low > 0) | (high < 0)) & (rows[f"{score}_p_holm"] < ALPHA)]
@@ -220,8 +231,8 @@ def _on_a_log(panel: Panel) -> str:
         listed = ", ".join(f"{label} {error:.3f} m" for label, error in errors)
         return (
             f"{first} is nearest to the reference: median position error of a run, mean over runs: "
-            f"{listed}; {near.label} - {near.reference}: {diff.mean:+.3f} m (95 %: "
-            f"{interval(diff, '+.3f')}), p (Holm) "
+            f"{listed}; {near.label} - {near.reference}: "
+            f"{estimated(diff, '+.3f', ' m')}, p (Holm) "
             f"{p_value(getattr(near, f'{score}_p_holm'))}. The share of runs that are localized to "
             "the end separates no methods."
         )
@@ -230,8 +241,7 @@ def _on_a_log(panel: Panel) -> str:
         shares = [r.track.scores.get("coverage_95") for r in records if r.track is not None]
         if values := [share for share in shares if share is not None]:
             held[label] = sum(values) / len(values)
-    few = stats.least_p(int(rows["paired_worlds"].max()), panel.tests) >= ALPHA
-    if few or len(held) < 2 or max(held.values()) - min(held.values()) < _COVERAGE_APART:
+    if len(held) < 2 or max(held.values()) - min(held.values()) < _COVERAGE_APART:
         return ""
     listed = ", ".join(f"{percent(share)} of {label}'s records" for label, share in held.items())
     return (

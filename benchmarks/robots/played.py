@@ -92,7 +92,7 @@ class Replay:
         facts = [
             f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
             f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}. "
-            f"A step that collides is charged β = {setup.beta:g} by methods that are given no β: "
+            f"Unless you give a method its β, a step that collides costs β = {setup.beta:g}: "
             f"{RobotModel.beta:g} times the power of the scan model.",
             self.power,
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
@@ -122,6 +122,8 @@ class Replay:
         prior = self.scenario.prior
         if type(prior) is not Gaussian:
             settings = values_among(self.assumed, "prior.")
+            if settings == {"kind": "uniform"}:
+                return "Start: anywhere on the map."
             return f"Start: {', '.join(f'prior.{n} {value}' for n, value in settings.items())}."
         around = "the reference's first pose"
         if (at := prior.mean or self.log[0].reference) is not None:

@@ -238,14 +238,22 @@ def replay(
     with knowing(factories), ExitStack() as stack:
         folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/replay")
         plan = planned(log, map, names, settings=as_toml(settings), nav2=amcl, **how)
-        played = run_replay(plan, folder, options, command, residuals=residuals)
+        played = run_replay(
+            plan, folder, options, command, residuals=residuals, paged=out is not None
+        )
     return played if out is not None else dataclasses.replace(played, written="")
 
 
 def run_replay(
-    plan: Planned, out: Path, options: Options, command: Sequence[str], *, residuals: bool = False
+    plan: Planned,
+    out: Path,
+    options: Options,
+    command: Sequence[str],
+    *,
+    residuals: bool = False,
+    paged: bool = True,
 ) -> ReplayResults:
-    """Run what is missing, write the folder, and return all of it.
+    """Run what is missing, write the folder, with a page if ``paged``, and return all of it.
 
     A folder that holds what is not of this sweep is refused; if a run failed, what the others gave
     is written all the same.
@@ -268,14 +276,14 @@ def run_replay(
                 [calibration.misfit_words(max(done["agreement_03"]), where, replay.log.scanner)]
             )
         wrong = residuals_of(replay, runs) if residuals else None
-        with doing(f"writing the report in {out}"):
+        with doing(f"writing the report in {out}" if paged else "scoring the runs"):
             contents = {
                 "results.csv": utf8(csv_of(tracks_table(runs, results.table))),
                 "trials.csv": utf8(csv_of(tracks_trials(runs))),
                 **_tracks(replay, runs),
                 **({} if wrong is None else wrong.files(drawn=drawn)),
             }
-            if drawn and results.panels:
+            if drawn and paged and results.panels:
                 page = page_files(
                     results,
                     Path(),

@@ -41,7 +41,7 @@ from benchmarks.trials.spec import Provenance, Trial
 from benchmarks.trials.stage import Stage, attempt, check_trials, key_of, provenance_of
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
 from deqmcl_gym.logs import Log
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, amount
 from localizers import Calibration
 
 BELIEVED = "believed_95"  # share inside the 95 % region of a belief itself
@@ -94,7 +94,7 @@ def cut(
     kinds = parts[0::2], parts[1::2]
     if min(map(len, kinds)) < _LEAST:
         raise InputError(
-            f"the log gives {len(parts)} segments of {length:g} m with a reference, but "
+            f"the log gives {amount(len(parts), 'segment')} of {length:g} m with a reference, but "
             f"{2 * _LEAST} or more are needed: give a smaller --segment, or more logs."
         )
     training, held_out = (

@@ -83,11 +83,11 @@ class Smoothed:
         """Whether the poses may serve as a reference, in a paragraph."""
         distances = np.hypot(*(self.runs - self.poses)[..., :2].transpose(2, 0, 1)).max(axis=0)
         distances, share = distances / metre(self.log.unit), float(self.doubtful.mean())
-        judged = "They may serve as a reference."
+        judged = "The smoothed poses may serve as a reference."
         if self.objection:
             judged = (
-                f"They should not serve as a reference: {self.objection}. So {SMOOTHED[0]} is not "
-                "written."
+                f"The smoothed poses should not serve as a reference: {self.objection}. So "
+                f"{SMOOTHED[0]} is not written."
             )
         elif share > _MOST:
             judged = f"Only parts may serve as a reference: {percent(share)} of it is doubtful."

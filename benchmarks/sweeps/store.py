@@ -114,8 +114,12 @@ class Store:
         body = json.dumps(content, allow_nan=False, separators=(",", ":")).encode()[:-1]
         text = b"%s%s%d}\n" % (body, _CRC, zlib.crc32(body))
         line = _line(text)
-        self._file.write(text)
-        self._file.flush()
+        try:
+            self._file.write(text)
+            self._file.flush()
+        except OSError as error:
+            error.filename = self._file.name
+            raise
         self._keep(line, "")
 
 

@@ -31,6 +31,7 @@ from deqmcl_gym.validation import InputError, one_of
 from localizers import absolute_name, names, parameters
 from localizers.registry import LOCALIZER
 
+_OF_SCENARIOS = {"words", "env", "prior"}  # keys that only their files have
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
     *("localizers", "world", "assumed", "disturbance", "agent", "params", "vary", "baseline"),
@@ -42,14 +43,16 @@ PAPER_METHODS = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl"
 
 
 def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
-    """Return the sweep of a suite, a scenario or a path in .toml, with further localizers.
+    """Return the sweep of a suite, a scenario or a file of either, with further localizers.
 
     A scenario has the methods of the paper.
     """
-    if name.endswith(".toml"):
+    is_file = name.endswith(".toml")
+    if is_file and not _OF_SCENARIOS & documents.read_toml(Path(name), "sweep").keys():
         return read_sweep(Path(name), added)
-    if name in SCENARIOS and name not in SUITES:
-        sweep = Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
+    if is_file or (name in SCENARIOS and name not in SUITES):
+        setup, methods = absolute_scenario(name), tuple(map(Method, PAPER_METHODS))
+        sweep = Sweep(title=Path(name).stem, scenario=setup, localizers=methods)
     else:
         sweep = read_sweep(_suite_file("suite or scenario", name, SCENARIOS))
     return with_localizers(sweep, added)
@@ -111,7 +114,7 @@ def _base(name: Any, files: Sequence[Path]) -> Sweep:
 
 def _suite_file(what: str, name: str, others: Iterable[str] = ()) -> Path:
     """Return the sweep file of a suite; a refusal names ``others`` that are allowed, too."""
-    if name not in SUITES and Path(name).exists():
+    if name not in SUITES and Path(name).exists() and not Path(name).is_dir():
         raise InputError(
             f"{what} is the file {name}: the name of a sweep file must end in .toml, so save it "
             "under such a name."

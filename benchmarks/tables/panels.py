@@ -334,11 +334,18 @@ def trial_words(trial: Trial) -> list[str]:
 
 def _setting_words(setting: Setting) -> list[str]:
     assumptions = setting.assumed.items()
-    assumed = (f"assumed {n} {short_name(v) if isinstance(v, str) else v}" for n, v in assumptions)
+    assumed = (
+        f"assumed {n} {short_name(v) if isinstance(v, str) else _plain(v)}" for n, v in assumptions
+    )
     named = {n: v for n, v in setting.world.items() if n in FILES and isinstance(v, str | tuple)}
     short = setting.world | {name: file_names(value) for name, value in named.items()}
-    world = (f"{name} {value}" for name, value in short.items())
+    world = (f"{name} {_plain(value)}" for name, value in short.items())
     return [*world, *assumed, *map(disturbance_words, setting.disturbance)]
+
+
+def _plain(value: Any) -> Any:
+    """A number of many digits with six; anything else as it is."""
+    return f"{value:g}" if isinstance(value, float) and len(repr(value)) > 8 else value
 
 
 def disturbance_words(wrapper: Overrides) -> str:

@@ -39,10 +39,15 @@ def fixed(value: float, digits: int = 2) -> str:
 
 
 def file_words(labels: Sequence[str]) -> list[str]:
-    """Return a file name for each label: the label itself, if it can be one."""
-    stems = [re.sub(r"[^\w.-]+", "-", label).strip("-.") for label in labels]
-    each = enumerate(zip(stems, labels, strict=True), 1)
-    return [stem if stem == label else f"{stem}-{number}" for number, (stem, label) in each]
+    """Return a name of a file for each label, all different; a label that may be one is its own."""
+    words = [re.sub(r"[^\w.-]+", "-", label).strip("-.") for label in labels]
+    taken = {*words} & {*labels}
+    for place, label in enumerate(labels):
+        if words[place] != label:
+            numbered = (f"{words[place]}-{number}" for number in count(place + 1))
+            words[place] = next(word for word in numbered if word not in taken)
+            taken.add(words[place])
+    return words
 
 
 def percent(share: float, digits: int = 0) -> str:

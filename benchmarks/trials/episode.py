@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from benchmarks.setup import Agent
 from deqmcl_gym.numerics import Reals
+from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.driver import NO_PLAN
 from localizers import Belief, Localizer, Prior
 
@@ -107,6 +108,11 @@ def followed(
         started = time.perf_counter()
         belief = call(*arguments)
         seconds = time.perf_counter() - started
+        if not hasattr(belief, "points"):
+            raise InputError(
+                f"{'update' if shown.t else 'reset'} (step {shown.t}) returned {type(belief).__name__}, but must "
+                "return a belief: an object with points(offset)."
+            )
         yield shown._replace(belief=belief, seconds=seconds, plan=plan)
 
 

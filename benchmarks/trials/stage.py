@@ -39,7 +39,7 @@ from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.numerics import Pose
 from deqmcl_gym.validation import InputError, LogWarning, one_of
 from localizers import Prior, RobotModel, absolute_name, make
-from localizers.kinds import is_ctrl_c, reason_of
+from localizers.kinds import is_ctrl_c, is_path, raised, reason_of, split
 from localizers.registry import LOCALIZER, SCAN_MODEL
 
 DISTURBANCES = MappingProxyType(
@@ -250,6 +250,18 @@ def _driven(episode: Trial, key: str) -> Drive | None:
     return Stage.of(episode).driven()
 
 
+def _reason(error: BaseException, localizer: str) -> str:
+    """Return an error in words; of somebody's own localizer, where in its file or cell, too."""
+    place = split(localizer)[0]
+    if localizer in {**LOCALIZER.added, **LOCALIZER.received}:
+        factory: Any = LOCALIZER.resolve(localizer)
+        method = getattr(factory, "update", factory)
+        place = getattr(method, "__code__", _reason.__code__).co_filename
+    elif not is_path(place):
+        place = ""
+    return raised(error, place) if place and not isinstance(error, InputError) else reason_of(error)
+
+
 def attempt(trial: Trial, key: str) -> Outcome:
     """Run one trial; an error becomes its reason to have failed.
 
@@ -273,7 +285,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return Outcome(reason=reason_of(error))
+        return Outcome(reason=_reason(error, trial.localizer))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
     return Outcome(record=result, seconds=trace.seconds)

@@ -61,8 +61,9 @@ def map_of(given: Any, unknown: Any, log: logs.Log) -> Map | None:
     if unknown is not None:
         if not path.endswith((".yaml", ".yml")):
             raise InputError(
-                f"unknown is {shown(unknown)} and map is {shown(given)}, but unknown cells are "
-                "only those of a map's yaml: give its path as map, or leave unknown out."
+                f"the map is {shown(given)}, but must be a .yaml file where unknown is given "
+                f"({shown(unknown)}), as only that has unknown cells: give its path, or leave "
+                "unknown out."
             )
         given = {"file": given, "unknown": unknown}
     if given is None:

@@ -77,6 +77,8 @@ class Report:
     def __str__(self) -> str:
         return "\n".join([f"{self.name}:", *map(str, self.verdicts)])
 
+    __repr__ = __str__
+
     def verdict(self, law: str | Law) -> LawVerdict:
         """Return the verdict on a law, or on that of a name; after a need that failed, skip it."""
         if isinstance(law, str):

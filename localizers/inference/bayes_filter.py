@@ -9,7 +9,7 @@ from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST
-from deqmcl_gym.validation import InputError, array, shown
+from deqmcl_gym.validation import InputError, amount, array, shown
 from localizers.api import Prior
 from localizers.models.motion import increments
 from localizers.models.prior import GaussianPrior, MixturePrior
@@ -131,7 +131,7 @@ def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:
     if scan.shape != (lidar.beams,):
         raise InputError(
             f"the scan has shape {scan.shape}, but this localizer was made for a lidar of "
-            f"{lidar.beams} beams: give ({lidar.beams},) ranges, "
+            f"{amount(lidar.beams, 'beam')}: give ({lidar.beams},) ranges, "
             "or make a localizer for this lidar."
         )
     return scan

@@ -97,7 +97,7 @@ def broken(call, **methods):
     ("made", "reason"),
     [
         *((broken(call), f"ArithmeticError: broken in {call}") for call in CALLS),
-        (broken("none", update=lambda *_: None), "AttributeError"),
+        (broken("none", update=lambda *_: None), "update (step 1) returned NoneType"),
         (lambda robot: sys.exit(0), "SystemExit: 0"),
     ],
 )

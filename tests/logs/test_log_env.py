@@ -293,7 +293,9 @@ def test_the_env_a_scenario_and_a_sweep_have_the_map_that_is_asked_for(folder, w
 @pytest.mark.parametrize("given", [None, "hall.json", ((0, 0), (9, 0), (9, 9)), "a map"])
 def test_a_map_that_is_no_yaml_has_no_unknown_cells_and_an_unknown_word_is_refused(folder, given):
     floor_plan = GridMap.load("hall.yaml") if given == "a map" else given
-    with pytest.raises(InputError, match=r"^unknown is 'free' and map is .*: give its path as map"):
+    with pytest.raises(
+        InputError, match=r"^the map is .* must be a \.yaml file where unknown is given"
+    ):
         LogEnv(log="lap.csv", map=floor_plan, unknown="free")
     with refused("unknown value of unknown 'wall': allowed values: free, obstacle, transparent"):
         LogEnv(log="lap.csv", map="hall.yaml", unknown="wall")
