@@ -110,8 +110,8 @@ def followed(
         seconds = time.perf_counter() - started
         if not hasattr(belief, "points"):
             raise InputError(
-                f"{'update' if shown.t else 'reset'} (step {shown.t}) returned {type(belief).__name__}, but must "
-                "return a belief: an object with points(offset)."
+                f"{'update' if shown.t else 'reset'} (step {shown.t}) returned "
+                f"{type(belief).__name__}, but must return a belief: an object with points(offset)."
             )
         yield shown._replace(belief=belief, seconds=seconds, plan=plan)
 
