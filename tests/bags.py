@@ -10,7 +10,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.motion import composed
+from deqmcl_gym.logs.motion import composed, dead_reckoned
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 SCAN, ODOMETRY, TF = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
@@ -58,6 +58,30 @@ def odometry(time, x, heading=0.0, frame="base_footprint", y=0.0):
     posed = make("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36))
     driven = make("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36))
     return make(ODOMETRY, header(time, "odom"), frame, posed, driven)
+
+
+def driven(n=41, step=0.02, turn=0.01):
+    """Poses of a drive, 0.1 s apart: times and (n, 3)."""
+    moves = np.column_stack([np.full(n - 1, step), np.full(n - 1, turn)])
+    return 0.1 * np.arange(n), dead_reckoned(moves, (2.0, 1.0, 0.3))
+
+
+def moving(times, poses, **said):
+    return [
+        ("/odom", ODOMETRY, odometry(t, x, heading, y=y, **said))
+        for t, (x, y, heading) in zip(times, poses, strict=True)
+    ]
+
+
+def scanning(times, topic="/scan", **said):
+    return [(topic, SCAN, scan(t, **said)) for t in times]
+
+
+def by_tf(times, poses, parent="odom", base="base_footprint", topic="/tf"):
+    return [
+        (topic, TF, transform(parent, base, x, y, yaw=heading, time=t))
+        for t, (x, y, heading) in zip(times, poses, strict=True)
+    ]
 
 
 def bag(path, *messages, plugin=StoragePlugin.SQLITE3, first=0):

@@ -1,7 +1,9 @@
-"""Logs that the tests record themselves."""
+"""Logs that the tests record themselves: of the paper's room, of a hall of cells, as real ones."""
 
 import functools
+import math
 import warnings
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -9,19 +11,47 @@ import numpy as np
 import deqmcl_gym  # noqa: F401  # registers the envs
 from deqmcl_gym import logs
 from deqmcl_gym.envs.wrappers import RecordLog
+from deqmcl_gym.maps import GridMap
 
 NAN = float("nan")
 ENDINGS = (".log", ".log.gz", ".csv", ".csv.gz", ".npz", ".bag", ".mcap", "")
 SQUARE = {"outer": [[0, 0], [7, 0], [7, 6], [0, 6]], "unit": "m"}
 
 
-@functools.cache
-def episode(steps: int = 40, preset: str = "sharp", seed: int = 3) -> logs.Log:
-    env = RecordLog(gym.make("deqmcl_gym/Room-v0", preset=preset))
+def recorded(steps: int, seed: int, **world) -> logs.Log:
+    """The log of a room in which what is planned is carried out."""
+    env = RecordLog(gym.make("deqmcl_gym/Room-v0", **world))
     _, info = env.reset(seed=seed)
     for _ in range(steps):
         *_, info = env.step(info["planned_actions"][0])
     return env.log
+
+
+@functools.cache
+def episode(steps: int = 40, preset: str = "sharp", seed: int = 3) -> logs.Log:
+    return recorded(steps, seed, preset=preset)
+
+
+def recorded_in_a_hall(steps: int) -> tuple[GridMap, logs.Log]:
+    cells = np.pad(np.zeros((66, 86), np.int8), 1, constant_values=100)
+    cells[28:40, 28:60] = cells[1:12, 40:44] = cells[50:, 10:14] = 100
+    hall = GridMap(occupancy=cells, resolution=0.05)
+    world = {
+        "lap": {"waypoints": [[1.2, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]},
+        "lidar": {"beams": 61, "field_of_view": math.pi, "max_range": 6.0, "sigma": 0.02},
+        "noise": {"drive": 0.1, "turn": 0.1, "drift": 0.1},
+        "driver": {},
+    }
+    return hall, recorded(steps, 0, floor_plan=hall, **world)
+
+
+def write_lap(lap: tuple[GridMap, logs.Log], folder: Path) -> None:
+    """Write hall.yaml, lap.csv, the log without its poses, and these as lap.tum."""
+    hall, log = lap
+    hall.save(folder / "hall.yaml")
+    logs.Trajectory(log.times, log.reference).write(folder / "lap.tum")
+    bare = logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m")
+    logs.write(bare, folder / "lap.csv")
 
 
 def real(n: int = 30, beams: int = 5, seed: int = 0) -> logs.Log:

@@ -3,13 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from refusals import refused
 from report_cases import TURNER, results, trials
 
 from benchmarks.agents import AGENTS
 from benchmarks.checks import check
 from benchmarks.report.verdict import conclusion
-from benchmarks.setup.names import make_agent, scenario
+from benchmarks.setup.names import scenario
 from benchmarks.setup.overrides import Named
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
 from benchmarks.tables.panels import baseline_of
@@ -94,32 +93,6 @@ def test_an_agent_of_a_trial_drives_and_its_code_is_in_the_key(tmp_path):
     before = key_of(ours)
     (tmp_path / "mine.py").write_text(TURNER + "# edited")
     assert key_of(ours) != before
-
-
-@pytest.mark.parametrize(
-    ("said", "named"),
-    [
-        ({"agent": 3}, ["agent is 3", "a name, or {name"]),
-        ({"vary": [{"agent": {"shift": [1.0]}}]}, ["agent.shift", "no agent is named"]),
-        ({"agent": "stale", "baseline": "mcl-plan"}, ["baseline", "stale"]),
-        ({"vary": [{"agents": ["stale"]}]}, ["'agents'", "did you mean 'agent'"]),
-    ],
-)
-def test_a_sweep_with_a_bad_agent_is_refused(said, named):
-    with refused(*named):
-        sweep_of(SWEEP | said, title="a")
-
-
-@pytest.mark.parametrize(
-    ("agent", "named"),
-    [
-        (Named("stale", {"shift": 1.0}), ["parameter of agent 'stale'", "shift"]),
-        (Named("misplaced", {"shift": -1.0}), ["shift is -1"]),
-    ],
-)
-def test_parameters_that_an_agent_does_not_take_are_refused(agent, named):
-    with refused(*named):
-        make_agent(agent, Stage.of(TRIAL).robot)
 
 
 @pytest.mark.parametrize("name", AGENTS)

@@ -2,21 +2,15 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from deqmcl_command import lose, records
 
-import localizers
 from benchmarks.agents import AGENTS
-from benchmarks.execution.engines import Where
 from benchmarks.setup.names import make_agent
 from benchmarks.setup.overrides import Named, Overrides
-from benchmarks.sweeps.running import Options, run_missing
-from benchmarks.sweeps.store import writing
 from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials.episode import sees_belief
 from benchmarks.trials.scoring import record as recorded
-from benchmarks.trials.stage import Stage, _driven, attempt, key_of, provenance_of
+from benchmarks.trials.stage import Stage, _driven, attempt, key_of
 
 METHODS = ["mcl", "deq-mcl", "mcl-map"]
 DISTURBED = (
@@ -116,42 +110,3 @@ def test_an_agent_that_says_nothing_or_inherits_looks_at_the_belief():
     robot = Stage.of(trial).robot
     assert not sees_belief(make_agent("open-loop", robot))
     assert sees_belief(Mine(robot))
-
-
-class Overwriting:
-    def __init__(self, robot):
-        del robot
-
-    def reset(self, prior, plan, rng):
-        return self.update(np.zeros(1), np.zeros(2), plan)
-
-    def update(self, ranges, action, plan):
-        for array in (ranges, action, plan):
-            array[:] = 0.0
-        return localizers.PoseBelief((1.0, 2.0, 0.0))
-
-
-@localizers.registered("overwriting", Overwriting)
-def test_a_localizer_that_overwrites_what_it_is_shown_changes_nothing_for_the_next(drives):
-    vandal, honest = trials(["overwriting", "mcl"])
-    attempt(vandal, key_of(vandal))
-    after = attempt(honest, key_of(honest)).record
-    _driven.cache_clear()
-    assert attempt(honest, key_of(honest)).record == after
-
-
-def test_records_are_the_same_on_one_job_on_two_and_resumed(tmp_path):
-    asked = paper_sweep(localizers=METHODS, trials=3, lag=4, particles=30).distinct()
-    made = provenance_of(asked)
-
-    def run(out, jobs):
-        with writing(out) as store:
-            options = Options(where=Where(jobs=jobs), progress=False)
-            run_missing({made.key(trial): trial for trial in asked}, store, options, made)
-        return records(out)
-
-    ours = run(tmp_path / "one", 1)
-    assert len(ours) == len(asked)
-    assert run(tmp_path / "two", 2) == ours
-    lose(tmp_path / "one", 1, 3, 4)
-    assert run(tmp_path / "one", 1) == ours

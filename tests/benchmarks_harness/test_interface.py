@@ -13,7 +13,6 @@ import benchmarks
 import localizers
 from benchmarks.report import page
 from benchmarks.sweeps.design import Sweep
-from deqmcl_gym.validation import InputError
 from localizers import PoseBelief
 
 FEW = {"trials": 2, "params": {"particles": 20}, "lag": 4}
@@ -65,6 +64,8 @@ def test_what_was_varied_is_a_column_and_a_line_over_it(results):
         x, y = line.get_data()
         np.testing.assert_array_equal(x, rows["particles"])
         np.testing.assert_array_equal(y, rows["error"])
+    with refused("there is no column 'lidar.sigma' of numbers: it has"):
+        results.plot("lidar.sigma")
 
 
 def test_in_jupyter_results_are_a_verdict_and_a_table_of_what_varies(results):
@@ -112,9 +113,8 @@ def test_a_run_is_a_trial_step_by_step_with_a_picture_of_each():
     ],
 )
 def test_bad_input_gets_one_sentence(given, words):
-    with pytest.raises(InputError) as refused:
+    with refused(words):
         benchmarks.sweep(**given)
-    assert words in str(refused.value)
 
 
 def test_an_experiment_keeps_its_classes_and_registers_nothing():
@@ -152,11 +152,6 @@ def test_a_parameter_that_is_called_like_a_column_keeps_its_whole_name():
     ).table  # fmt: skip
     assert set(table["offset"]) == {0}
     assert sorted(set(table["params.offset"])) == [1, 2]
-
-
-def test_a_column_that_is_not_there_is_named(results):
-    with pytest.raises(InputError, match=r"there is no column 'lidar\.sigma' of numbers: it has"):
-        results.plot("lidar.sigma")
 
 
 def test_a_sweep_of_ones_own_and_all_its_fields_are_taken():
@@ -256,20 +251,13 @@ def test_a_row_counts_what_happened():
     assert "plan in Sharp-v0, 3 episodes: return" in str(played)
 
 
-@pytest.mark.parametrize(
-    ("task", "policy", "options", "words"),
-    [
+def test_what_cannot_be_evaluated_is_refused():
+    base = benchmarks.evaluate("Room-v0", "spin", episodes=1, reference=None)
+    for task, policy, options, words in (
         ("Lokalize-v0", spinning, {}, "unknown task 'Lokalize-v0': did you mean"),
         ("Localize-v0", "spinn", {}, "unknown policy of Localize-v0 'spinn': did you mean 'spin'"),
         ("Localize-v0", spinning, {"episodes": 0}, "episodes is 0"),
-    ],
-)
-def test_what_cannot_be_evaluated_is_refused(task, policy, options, words):
-    with refused(words):
-        benchmarks.evaluate(task, policy, **{"reference": None} | options)
-
-
-def test_a_reference_of_other_episodes_is_refused():
-    base = benchmarks.evaluate("Room-v0", "spin", episodes=1, reference=None)
-    with refused("the reference has 1 episodes, but 2 are played"):
-        benchmarks.evaluate("Room-v0", "still", episodes=2, reference=base)
+        ("Room-v0", "still", {"episodes": 2, "reference": base}, "has 1 episodes, but 2 are"),
+    ):
+        with refused(words):
+            benchmarks.evaluate(task, policy, **{"reference": None} | options)

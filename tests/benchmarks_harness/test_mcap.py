@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, files
-from hall import recorded_in_a_hall
+from drives import recorded_in_a_hall
 from mcap.reader import make_reader
 from refusals import refused
 from report_cases import trial_of

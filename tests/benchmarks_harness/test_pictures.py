@@ -1,6 +1,5 @@
 """Animations and charts: what is drawn can be seen, and is what it is said to be."""
 
-import io
 import math
 from dataclasses import replace
 from itertools import product
@@ -8,13 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
-import PIL.Image
 import pytest
 from fake_episode import FakeBelief
 from report_cases import THREE, changed, finished, panel_of, panels_of, trial_of, trials
 from test_journey_tables import run
 
-from benchmarks.execution.processes import Processes
 from benchmarks.report import charts, films
 from benchmarks.report.charts import Chart, line, styled, swept_charts
 from benchmarks.report.films import Animation, Camera, Film, films_of, way_of_plan
@@ -121,16 +118,6 @@ def test_a_baseline_without_a_trial_on_the_world_is_not_named():
 def lap_of(*trials):
     runs = [SimpleNamespace(trial=trial, key=key_of(trial)) for trial in trials]
     return Animation(name="lap", title="", caption="", runs=dict(zip("ab", runs, strict=True)))
-
-
-def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():
-    same = trial_of("mcl", 0, lag=1)
-    lap = lap_of(same, replace(same, localizer="dead-reckoning"))
-    with Processes(1) as pool:
-        drawn = pool.submit(films.filmed, lap).result()
-    animation = PIL.Image.open(io.BytesIO(drawn.webp))
-    assert animation.n_frames == 204 // 8 + 1 + 1  # and the whole way
-    assert animation.width > 2 * 350  # side by side
 
 
 def test_a_hedge_is_animated_beside_a_method_that_sees_no_plan():

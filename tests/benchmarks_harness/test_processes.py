@@ -240,12 +240,6 @@ def test_a_trial_that_would_end_this_process_is_lost_like_a_dead_worker(monkeypa
         engine.submit(trial, "a").result()
 
 
-def test_a_trial_that_timed_out_is_not_tried_again():
-    found, executor = run({"b": [TimedOutError("no result within 5 s")]})
-    assert Counter(executor.submitted)["b"] == 1
-    assert found["b"] == Outcome(reason="no result within 5 s")
-
-
 def test_an_engine_that_never_answers_is_given_up_after_the_timeout_and_the_rest_goes_on():
     found, _ = run({"b": [None]}, timeout=0.05)
     assert found["a"] == found["c"] == DONE
@@ -271,12 +265,3 @@ def test_an_engine_that_is_lost_without_a_word_ends_the_sweep(monkeypatch):
     engine = Engine(submit=Scripted({"a": [None]}).submit, slots=2, lost=lambda: "it is gone")
     with pytest.raises(RuntimeError, match="it is gone; finished trials are kept"):
         list(outcomes([("a", "a")], engine))
-
-
-def test_no_more_trials_are_in_flight_than_there_are_slots():
-    executor = Scripted({key: [None] for key in "abcdef"})
-    engine = Engine(submit=executor.submit, slots=3, timeout=0.05)
-    running = outcomes([(key, key) for key in "abcdef"], engine)
-    next(running)
-    assert executor.submitted == ["a", "b", "c"]
-    running.close()

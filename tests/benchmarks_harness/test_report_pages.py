@@ -22,7 +22,7 @@ from report_cases import (
 
 from benchmarks.report import films, tables
 from benchmarks.report.films import Animation
-from benchmarks.report.page import require_report, write_report
+from benchmarks.report.page import write_report
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
@@ -177,15 +177,6 @@ def test_no_finished_trial_at_all_still_makes_a_report(tmp_path):
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "0 of 4 trials finished, 1 failed, 3 missing" in text
     assert "boom" in text
-
-
-def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmarks.report.page.find_spec", lambda name: None)
-    with pytest.raises(ValueError, match=r"pip install 'deqmcl-gym\[report\]'"):
-        require_report()
-    files = write_report(tmp_path, results(paired(THREE)))
-    assert {path.name for path in files} == TABLES
-    assert {path.name for path in tmp_path.iterdir()} == TABLES
 
 
 def cells_of(page):

@@ -11,6 +11,7 @@ from benchmarks.agents import OldRoute, OnRoute, ToGoal
 from benchmarks.setup.names import scenario
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from deqmcl_gym.logs.motion import dead_reckoned
 from deqmcl_gym.maps import Office
 from localizers import PoseBelief
 
@@ -30,15 +31,8 @@ def begun(name, number=0):
     return room, room.reset(seed=one.world_seed)[1]
 
 
-def along(pose, actions):
-    """Where a robot without noise comes by, (n + 1, 2)."""
-    headings = pose[2] + np.cumsum(actions[:, 1], dtype=float)
-    ways = actions[:, :1] * np.column_stack([np.cos(headings), np.sin(headings)])
-    return np.vstack([pose[:2], pose[:2] + np.cumsum(ways, axis=0)])
-
-
 def contacts(room, pose, actions):
-    points = along(np.asarray(pose), np.asarray(actions))
+    points = dead_reckoned(actions, pose)[:, :2]
     return int(room.floor_plan.collides(points[:-1], points[1:], RADIUS - NEAR).sum())
 
 

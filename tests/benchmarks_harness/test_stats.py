@@ -24,12 +24,6 @@ def worlds(least=0, most=60, of=NUMBERS | TIED):
     return st.lists(of, min_size=least, max_size=most).map(np.array)
 
 
-def test_the_sample_sd_divides_by_n_minus_1_and_needs_two():
-    assert stats.sample_sd(np.array([1.0, 2.0, 6.0])) == pytest.approx(math.sqrt(7), rel=1e-15)
-    assert math.isnan(stats.sample_sd(np.array([1.0])))
-    assert math.isnan(stats.sample_sd(np.empty(0)))
-
-
 @pytest.mark.parametrize("unknown", [[], [1.0, math.nan]])
 def test_of_nothing_or_with_an_unknown_difference_every_statistic_is_unknown(unknown):
     differences = np.array(unknown)

@@ -41,12 +41,6 @@ def reasons(store, keys):
     return [store.failure(key) for key in keys]
 
 
-def test_the_order_in_which_trials_run_changes_no_result(tmp_path):
-    run(suite(), tmp_path / "a")
-    run(suite()[::-1], tmp_path / "b")
-    assert records(tmp_path / "a") == records(tmp_path / "b")
-
-
 def test_all_methods_run_on_one_world_before_any_runs_on_the_next(tmp_path, ran):
     run(suite(trials=3), tmp_path)
     assert [trial.trial for trial in ran] == [0, 0, 1, 1, 2, 2]
@@ -101,7 +95,7 @@ def broken(call, **methods):
         (lambda robot: sys.exit(0), "SystemExit: 0"),
     ],
 )
-def test_a_localizer_that_fails_fails_its_own_trials_alone(tmp_path, monkeypatch, made, reason):
+def test_a_localizer_that_fails_fails_its_own_trials_alone(tmp_path, made, reason):
     with localizers.registered("bad", made):
         bad, good = reasons(*run(suite(["bad", "dead-reckoning"], trials=1), tmp_path))
     assert reason in bad
@@ -141,12 +135,6 @@ def test_results_of_what_cannot_be_read_are_not_gone_on_with(tmp_path, monkeypat
         assert swept(tmp_path).failures == []
         with refused("results of 'sure'", "cannot be read", "file.py"):
             swept(tmp_path)
-
-
-@pytest.mark.parametrize("where", [Where(jobs=2), Where(jobs=1, timeout=60.0)])
-def test_what_was_registered_goes_along_to_other_processes(tmp_path, where):
-    with localizers.registered("sure", Sure):
-        assert errors(swept(tmp_path / "two", where=where)) == errors(swept(tmp_path / "one"))
 
 
 def test_what_cannot_go_along_is_refused_before_anything_runs(tmp_path):

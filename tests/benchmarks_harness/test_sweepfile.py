@@ -179,7 +179,6 @@ BAD = [  # a file, and what the sentence must name
         ["the label 'a' is of several localizers"],
     ),
     ('localizers = ["mcl"]\ntrials = 1.5', ["trials", "1.5", "whole"]),
-    ('localizers = ["mcl"]\nscenario = "papr"', ["'papr'", "did you mean 'paper'?"]),
     ('localizers = ["mcl"]\nworld = 3', ["world", "3", "table"]),
     ('localizers = ["mcl"]\n[world]\nnoise.drive = 1\n"noise.drive" = 2', ["noise.drive", "twice"]),
     ('localizers = ["mcl"]\n[world]\nnoise.drive = nan', ["world.noise.drive", "nan"]),
@@ -190,6 +189,10 @@ BAD = [  # a file, and what the sentence must name
     ('localizers = ["mcl"]\n[[vary]]\ntrials = [1, 2]', ["'trials'", "params.…"]),
     ('localizers = ["mcl"]\nbaseline = "mcl-map"', ["baseline", "'mcl-map'"]),
     ('localizers = ["mcl"]\ndisturbance = ["kidnap"]', ["'kidnap'", "{kind = "]),
+    ('localizers = ["mcl"]\nagent = 3', ["agent is 3", "a name, or {name"]),
+    ('localizers = ["mcl"]\n[[vary]]\nagent.shift = [1.0]', ["agent.shift", "no agent is named"]),
+    ('localizers = ["mcl"]\nagent = "stale"\nbaseline = "mcl-plan"', ["baseline", "stale"]),
+    ('localizers = ["mcl"]\n[[vary]]\nagents = ["stale"]', ["'agents'", "did you mean 'agent'"]),
     ("a = " + "[" * 10**5, ["nested too deeply"]),
     ("a = " + "1" * 5000, ["valid TOML: Exceeds the limit (4300 digits)"]),
 ]

@@ -1,7 +1,7 @@
 """A hall, and a log of a lap in it, for all that is done with logs."""
 
 import pytest
-from hall import recorded_in_a_hall, write_lap
+from drives import recorded_in_a_hall, write_lap
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, lines
-from hall import recorded_in_a_hall, write_lap
+from drives import recorded_in_a_hall, write_lap
 
 from benchmarks.robots.calibration import doubts_of
 from benchmarks.robots.played import replay_of

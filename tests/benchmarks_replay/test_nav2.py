@@ -22,7 +22,6 @@ from benchmarks.robots.replaying import planned
 from benchmarks.setup.documents import sweep_text
 from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
-from deqmcl_gym.maps import GridMap
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 
 # As in a robot's bring-up, other nodes left in
@@ -38,7 +37,7 @@ amcl: {ros__parameters: {
       robot_model_type: "nav2_amcl::DifferentialMotionModel", save_pose_rate: 0.5,
       sigma_hit: 0.15, tf_broadcast: true, transform_tolerance: 1.0, update_min_a: 0.2,
       update_min_d: 0.1, z_hit: 0.6, z_max: 0.05, z_rand: 0.4, z_short: 0.05, scan_topic: scan,
-      set_initial_pose: true, initial_pose: {x: 1.2, y: 1.0, z: 0.0, yaw: 0.1}}}
+      set_initial_pose: true, initial_pose: {x: 2.2, y: 1.0, z: 0.0, yaw: 0.1}}}
 bt_navigator:
   ros__parameters:
     global_frame: map
@@ -73,7 +72,7 @@ def test_every_parameter_is_used_or_named_with_the_reason(params):
     assert "no parameter of Nav2's AMCL" in found.unused["kld_err"]
     assert (found.assumed["assumed.scan.sigma"], found.every) == (0.15, (0.025, 0.05))
     assert found.reading == {"max_range": 4.0}
-    assert found.start == (1.2, 1.0, 0.1)
+    assert found.start == (2.2, 1.0, 0.1)
     assert found.notes[0].endswith("not used: kld_err (no parameter of Nav2's AMCL)")
 
 
@@ -116,8 +115,8 @@ BAD = [
     ("pf_err: 0.04", "pf_err: small", "pf_err is 'small'"),
     ('"likelihood_field_prob"', '"beams"', "laser_model_type"),
     ("do_beamskip: false", "do_beamskip: 1", "do_beamskip is 1"),
-    ("x: 1.2", "x: here", "initial_pose.x is 'here'"),
-    ("yaw: 0.1", "yaw: 90", "initial_pose is (1.2, 1, 90), but its heading must be in radians"),
+    ("x: 2.2", "x: here", "initial_pose.x is 'here'"),
+    ("yaw: 0.1", "yaw: 90", "initial_pose is (2.2, 1, 90), but its heading must be in radians"),
     ("bt_navigator:", "again: &a {deeper: *a}\nbt_navigator:", "has an alias"),
     ("update_min_a: 0.2", "update_min_a: 11.5", "update_min_a is 11.5"),  # degrees
     ("bt_navigator", "/robot2/amcl", "2 nodes of AMCL, /amcl, /robot2/amcl: choose one by --node"),
@@ -313,31 +312,16 @@ def test_a_missing_file_or_node_is_refused(params, tmp_path):
         read_nav2(params(), "acml")
 
 
-@pytest.fixture
-def recorded(here):
-    """The current folder, with a room of cells and what a robot that stood in it saw."""
-    cells = np.zeros((60, 80), np.int8)
-    cells[[0, -1]] = cells[:, [0, -1]] = cells[20:30, 40:50] = 100
-    room = GridMap(occupancy=cells, resolution=0.05)
-    room.save("room.yaml")
-    scanner = logs.Scanner(angles=tuple(np.linspace(-2, 2, 40)), max_range=8.0)
-    poses = np.column_stack([np.linspace(1.0, 1.5, 30), np.ones(30), np.zeros(30)])
-    ranges = room.ranges(poses, scanner.bearings)
-    log = logs.Log(scanner, np.arange(30.0), poses, ranges)
-    logs.write(log, "x.csv")
-    logs.Trajectory(log.times, poses).write("x.tum")
-
-
 def test_the_sweep_file_runs_as_it_is_printed_with_a_log_in_it(params, recorded, capsys):
-    command = ["replay", "x.csv", "--map", "room.yaml", "--nav2", str(params()), "--seeds", "1"]
+    command = ["replay", "lap.csv", "--map", "hall.yaml", "--nav2", str(params()), "--seeds", "1"]
     command += ["--localizers", "amcl,mcl-smoother", "--set", "params.amcl.max_particles=400"]
     assert main([*command, "--dry-run"]) == 0
     Path("amcl.toml").write_text(capsys.readouterr().out)
     assert os.listdir() != ["results"]
     printed = read_sweep(Path("amcl.toml"))
     plan = planned(
-        "x.csv",
-        "room.yaml",
+        "lap.csv",
+        "hall.yaml",
         ("amcl", "mcl-smoother"),
         nav2=[read_nav2(params())],
         settings={"params.amcl.max_particles": 400},
@@ -351,15 +335,16 @@ def test_the_sweep_file_runs_as_it_is_printed_with_a_log_in_it(params, recorded,
 
 
 def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded, capsys):
-    command = ["replay", "x.csv", "--map", "room.yaml", "--nav2", str(params()), "--seeds", "1"]
+    rare = params("update_min_d: 0.1", "update_min_d: 1.0")
+    command = ["replay", "lap.csv", "--map", "hall.yaml", "--nav2", str(rare), "--seeds", "1"]
     told = [*command, "--particles", "20", "--localizers", "amcl,dead-reckoning", "--jobs", "1"]
     assert main([*told, "--out", "out"]) == 0
     said = capsys.readouterr()
     assert "not used: kld_err" in said.err
     assert "Warning: --particles 20 is not of amcl, which has the file's, " in said.err
     assert "differential, alpha1 0.04, alpha2 0.08, alpha3 0.09, alpha4 0.2" in said.out
-    assert "around (1.20, 1.00, 0.10 rad)" in said.out
-    assert "15 records" in said.out  # 0.5 m, a record each 17 mm, of which two make 25 mm
+    assert "around (2.20, 1.00, 0.10 rad)" in said.out
+    assert f"{len(logs.read('lap.csv').spaced(0.25, 0.05))} records" in said.out
     with open("out/results.csv", newline="") as file:
         assert [row["localizer"] for row in csv.DictReader(file)] == ["amcl", "dead-reckoning"]
     assert main([*command, "--node", "nobody", "--out", "other"]) == 2
@@ -368,7 +353,7 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
 def test_several_files_are_rows_of_one_table_compared_with_the_first(recorded, capsys):
     for name, sigma, beams in (("a", 0.1, 30), ("b", 0.3, 20), ("same", 0.1, 30)):
         of_amcl(Path(f"{name}.yaml"), f"sigma_hit: {sigma}", f"max_beams: {beams}")
-    command = ["replay", "x.csv", "--map", "room.yaml", "--reference", "x.tum", "--seeds", "2"]
+    command = ["replay", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--seeds", "2"]
     several = [
         *command,
         *(word for name in ("a", "b", "same") for word in ("--nav2", f"{name}.yaml")),
@@ -384,8 +369,8 @@ def test_several_files_are_rows_of_one_table_compared_with_the_first(recorded, c
     with (Path("out/manifest.json")).open() as file:
         methods = json.load(file)["identity"]["sweep"]["localizers"]
     assert [one["params"].get("pf_err") for one in methods] == [None, 0.2, 0.2]
-    assert main(["score", "x.tum", "--beside", "out", "--out", "beside"]) == 0
-    assert [*pd.read_csv("beside/results.csv")["localizer"]] == [*table.index, "x"]
+    assert main(["score", "lap.tum", "--beside", "out", "--out", "beside"]) == 0
+    assert [*pd.read_csv("beside/results.csv")["localizer"]] == [*table.index, "lap"]
     capsys.readouterr()
     assert main([*told, "--dry-run"]) == 0  # a sweep file keeps the names
     Path("both.toml").write_text(capsys.readouterr().out)
@@ -408,17 +393,17 @@ def test_several_files_are_rows_of_one_table_compared_with_the_first(recorded, c
         (["--every", "0.2m,1rad"], "update_min_a 0.2 → 1.0, update_min_d 0.1 → 0.2"),
         (
             ["--reference", "far.tum"],
-            "initial_pose (1.2, 1.0, 0.1) → the reference's first pose (0.90, 1.00, 0.00)",
+            "initial_pose (2.2, 1.0, 0.1) → the reference's first pose (1.90, 1.00, 0.00)",
         ),
-        (["--reference", "x.tum"], None),
-        (["--start=global"], "initial_pose (1.2, 1.0, 0.1) → another start"),
-        (["--start=1.2,1,0.1", "--particles", "20", "--set", "assumed.motion.alpha1=0.5"], None),
+        (["--reference", "lap.tum"], None),
+        (["--start=global"], "initial_pose (2.2, 1.0, 0.1) → another start"),
+        (["--start=2.2,1,0.1", "--particles", "20", "--set", "assumed.motion.alpha1=0.5"], None),
     ],
 )
 def test_replay_says_where_amcl_differs_from_the_file(params, recorded, capsys, words, told):
-    command = ["replay", "x.csv", "--map", "room.yaml", "--nav2", str(params()), "--seeds", "1"]
-    poses = logs.read_tum("x.tum").poses
-    logs.Trajectory(np.arange(30.0), poses - np.array([0.1, 0, 0])).write("far.tum")
+    command = ["replay", "lap.csv", "--map", "hall.yaml", "--nav2", str(params()), "--seeds", "1"]
+    times, poses = (whole := logs.read_tum("lap.tum")).times, whole.poses
+    logs.Trajectory(times, poses - np.array([0.4, 0, 0])).write("far.tum")
     assert main([*command, "--localizers", "amcl", *words, "--dry-run"]) == 0
     said = capsys.readouterr().err
     assert ("what is played differs in" in said) == (told is not None)

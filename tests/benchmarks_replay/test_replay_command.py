@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, lines, records, stored
-from hall import recorded_in_a_hall
+from drives import recorded_in_a_hall
+from report_cases import changed, finished
 
 import benchmarks
 from benchmarks.report.runs import middle_run, runs_frame, scores_by_localizer, worst_run
@@ -18,8 +19,7 @@ from benchmarks.robots.replaying import methods_of
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.episode import Step
-from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished, RecordedTrack, WholeRun
-from benchmarks.trials.spec import Trial
+from benchmarks.trials.scoring import ErrorCurve, RecordedTrack, WholeRun
 from benchmarks.trials.trace import TrackLog
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap, PolygonMap
@@ -79,26 +79,17 @@ def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
     return kept
 
 
-def record_of(errors, seed=0, localizer="mcl", **how):
-    trial = Trial(scenario="replay", localizer=localizer, params=(), lag=0, seed=0, trial=seed)
-    scores = {"offset": 0, **dict.fromkeys(SCORE_NAMES, float(np.mean(errors))), "lost": 0.0}
+def record_of(errors, seed=0, **how):
     log = kept_at(errors, **how)
-    journey, track = WholeRun.of(log.track.journey(), log.groups), RecordedTrack.of(log)
-    return Finished(
-        trial=trial,
-        key=f"{localizer}-{seed}",
+    return changed(
+        finished("mcl", seed, float(np.mean(errors)), scenario="replay", lag=0),
         unit="m",
         thresholds=Thresholds(far=1.0, lost=1.0),
-        scores=[scores],
         curves={0: ErrorCurve(0, list(errors))},
-        quality=None,
-        profile={},
         steps_done=len(errors) - 1,
         scans_used=len(errors),
-        events={},
-        seconds=1.0,
-        journey=journey,
-        track=track,
+        journey=WholeRun.of(log.track.journey(), log.groups),
+        track=RecordedTrack.of(log),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from deqmcl_command import exit_code, lines
-from hall import recorded_in_a_hall, write_lap
+from drives import recorded_in_a_hall, write_lap
 from refusals import refused
 from scipy.stats import chi2
 

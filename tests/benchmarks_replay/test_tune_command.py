@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import yaml
 from deqmcl_command import exit_code, lines, lose
-from hall import recorded_in_a_hall, write_lap
+from drives import recorded_in_a_hall, write_lap
 from refusals import refused
 
 from benchmarks.robots.nav2 import nav2_document, read_nav2, usual_params

@@ -164,12 +164,6 @@ def test_a_table_weighs_scans_as_ray_casts_from_the_cells_centre_do():
     assert off.max() < 0.1 * lidar.beams * 3.0 / 0.5 * 0.06
 
 
-def test_a_table_that_would_take_too_much_memory_is_refused_before_it_is_made():
-    wide = {"outer": [[0, 0], [2000, 0], [2000, 2000], [0, 2000]], "unit": "m"}
-    with refused("would take 6,103 MiB, but may take 64"):
-        gym.make(ID, scan="table", floor_plan=wide)
-
-
 def test_bad_actions_are_refused_and_no_room_moves():
     envs = gym.make_vec(ID, num_envs=2, **TASK)
     with pytest.raises(RuntimeError, match="has not begun"):

@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 import reference
 from refusals import refused
-from room_cases import PAPER, ROOM_ID, STILL
 
 import deqmcl_gym  # noqa: F401  # registers the environments
-from deqmcl_gym import logs
-from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.maps import Lidar, Mount
-from deqmcl_gym.validation import InputError
 from localizers.inference.bayes_filter import checked_step
 
 BACK_TO_BACK = (Mount(x=5.0, y=2.0, heading=0.3), Mount(x=-6.0, y=-1.0, heading=math.pi))
@@ -111,41 +107,3 @@ def test_it_survives_a_pickle_and_mounts_may_be_rows():
 def test_a_bad_mounting_is_refused(given, said):
     with refused(said):
         Lidar(**{"beams": 4, "mounts": BACK_TO_BACK, **given})
-
-
-def test_a_mount_off_the_robot_is_refused():
-    with pytest.raises(InputError, match=r"a place in lidar.mounts is \(9\.0, 0\.0\)"):
-        room({"mounts": [(9.0, 0.0, 0.0)]})
-
-
-def driven(env, steps: int):
-    scan, info = env.reset(seed=4)
-    said = [(scan, info)]
-    for _ in range(steps):
-        scan, *_, info = env.step(info["planned_actions"][0])
-        said.append((scan, info))
-    scans, infos = zip(*said, strict=True)
-    return np.array(scans), np.array([info["truth"] for info in infos]), infos
-
-
-def test_a_room_recorded_with_a_mounting_is_played_back_with_it(tmp_path):
-    place = (-4.0, 6.0)  # px; the robot's radius is 8
-    fan = {"beams": 9, "field_of_view": 2 * math.pi, "sigma": 0.0, "max_range": 1000.0}
-    lidar = fan | {"mounting": place}
-    room = RecordLog(gym.make(ROOM_ID, floor_plan=PAPER, noise=STILL, lidar=lidar))
-    scans, poses, _ = driven(room, 30)
-    logs.write(room.log, tmp_path / "x.csv")
-    back = gym.make("deqmcl_gym/Log-v0", log=tmp_path / "x.csv", map=PAPER)
-    assert back.unwrapped.lidar.mounting == pytest.approx(place)
-    again, truth, infos = driven(back, 30)
-    np.testing.assert_array_equal(again, scans)
-    np.testing.assert_allclose(truth, poses, rtol=0, atol=1e-9)
-    # what the log's lidar would see from the poses that the log tells
-    lidar = back.unwrapped.lidar
-    walls, poses_of_lidar = back.unwrapped.floor_plan.walls, reference.mounted(truth, place)
-    seen = reference.ranges(walls, poses_of_lidar, lidar.bearings)
-    np.testing.assert_allclose(again, seen, rtol=0, atol=1e-2)  # float32, along a slant
-    # without noise the odometry is that of the robot's centre, wherever its lidar is
-    x, y, heading = poses[0]
-    told = logs.motion.dead_reckoned([info["command"] for info in infos[1:]], (x, y, heading))
-    np.testing.assert_allclose(told, poses, rtol=0, atol=1e-3)

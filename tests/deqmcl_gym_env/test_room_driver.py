@@ -10,6 +10,7 @@ from room_cases import STILL, infos_of, wrapped
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import PlanChange
+from deqmcl_gym.logs.motion import dead_reckoned
 from deqmcl_gym.validation import InputError
 
 NEVER_DRAWN = {"sd_position": 0.0, "sd_heading": 0.0}
@@ -24,17 +25,6 @@ def guided(**kwargs) -> RoomEnv:
 
 def planned(info: dict) -> np.ndarray:
     return info["planned_actions"][: info["planned_count"]]
-
-
-def driven(pose, actions) -> np.ndarray:
-    """Poses of a robot without noise after each action, (n, 3)."""
-    x, y, heading = pose
-    poses = []
-    for distance, turn in np.asarray(actions, float).tolist():
-        heading += turn
-        x, y = x + distance * math.cos(heading), y + distance * math.sin(heading)
-        poses.append((x, y, heading))
-    return np.array(poses).reshape(-1, 3)
 
 
 def by_the_book(env: RoomEnv, pose) -> tuple[float, float]:
@@ -69,7 +59,7 @@ def test_far_from_the_loop_and_against_it_it_heads_there_too():
 
 def test_without_noise_the_way_driven_is_the_plan_and_the_plan_after_a_step_is_its_rest():
     infos = infos_of(guided(noise=STILL), seed=3)
-    way = driven(infos[0]["truth"], planned(infos[0]))
+    way = dead_reckoned(planned(infos[0]), infos[0]["truth"])[1:]
     assert len(way) == len(infos) - 1
     seen = np.array([info["truth"] for info in infos[1:]])
     # float64 sums of numbers below 400, and commands as the plan's up to rounding, 900 px on

@@ -80,11 +80,6 @@ def test_rooms_with_routes_have_a_course_each():
     np.testing.assert_equal(np.float32([course.goal for course in envs.courses]), seen["goal"])
 
 
-def test_routes_without_a_horizon_are_refused():
-    with refused("horizon=50"):
-        gym.make_vec(ROOM_ID, num_envs=2, route={}, floor_plan=OFFICES)
-
-
 def test_journeys_have_a_time_limit_only_if_one_is_given():
     envs = gym.make_vec(JOURNEY, num_envs=2, max_episode_steps=3, **SHORT)
     envs.reset(seed=0)

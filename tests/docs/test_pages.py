@@ -184,7 +184,7 @@ def test_the_commands_that_tune_work_as_the_page_says(lap, capsys):
     assert all(Path("results/tuned", name).is_file() for name in files)
 
 
-def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch, capsys):
+def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch):
     monkeypatch.syspath_prepend(os.getcwd())
     Path("localization.py").write_text(NODE)
     written(logs.read("lap.csv.gz"), Path("robot.mcap"))

@@ -160,10 +160,8 @@ def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
 RESAMPLING = {"always": Resampling(), "when degenerate": Resampling(ess_threshold=0.5)}
 
 
-def ring_filter(
-    beta: float, filter_class: type[ParticleFilter] = ParticleFilter, **parts
-) -> ParticleFilter:
-    return filter_class(
+def ring_filter(beta: float, **parts) -> ParticleFilter:
+    return ParticleFilter(
         motion=RingMotion(),
         scan=RingScan(),
         feasibility=parts.pop("feasibility", RingWalls(beta)),
@@ -273,18 +271,11 @@ def estimates(ring: ParticleFilter, drive: Drive, seed: int) -> dict[tuple[int, 
 
 
 def z_scores(
-    ring: ParticleFilter,
-    drive: Drive,
-    replicates: int,
-    meant: ParticleFilter | None = None,
-    costs: np.ndarray = COLLIDES,
+    ring: ParticleFilter, drive: Drive, replicates: int, costs: np.ndarray = COLLIDES
 ) -> dict:
-    """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,).
-
-    What is exact is what the filter ``meant`` aims at, itself if it is None; steps cost ``costs``.
-    """
+    """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,)."""
     runs = [estimates(ring, drive, seed) for seed in range(replicates)]
-    scores, shown = {}, plans_shown(meant or ring, drive)
+    scores, shown = {}, plans_shown(ring, drive)
     paths = [
         gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta, shown, costs)
         for t in range(STEPS + 1)

@@ -10,7 +10,7 @@ from broken import LeavesAProcess, ProcessStateUntouched, TakesTheSecondForTheTu
 from refusals import refused
 
 import localizers
-from deqmcl_gym.maps import GridMap, PolygonMap
+from deqmcl_gym.maps import GridMap
 from deqmcl_gym.maps.map import scaled
 from localizers import template
 from localizers.checks import (
@@ -136,21 +136,6 @@ def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed, made)
     assert np.array_equal(drive.plans[0][: len(drive.actions)], drive.actions)
     assert drive.scans.shape == (len(drive.actions), 8)
     assert ((drive.scans >= 0) & (drive.scans <= robot.lidar.max_range)).all()
-
-
-NARROW = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"localizer": "dec-mcl"}, "did you mean 'deq-mcl'"),
-        ({"localizer": "mcl", "robot": replace(default_robot(), floor_plan=NARROW)}, "radius is 8"),
-    ],
-)
-def test_a_bad_question_is_refused(arguments, words):
-    with refused(words):
-        check_localizer(**arguments)
 
 
 def test_what_the_constructor_raises_breaks_a_law_and_is_not_raised():

@@ -12,12 +12,16 @@ import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers import (
+    AnnulusRegion,
     BeamModel,
+    Calibration,
     CensoredGaussianUniform,
     GaussianPrior,
     GaussianUniform,
     LatentShare,
+    MixturePrior,
     OdometryMotion,
+    PolygonRegion,
     RobotModel,
     UniformPrior,
 )
@@ -26,6 +30,7 @@ from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 NAN, INF = math.nan, math.inf
 SCANS = (GaussianUniform, CensoredGaussianUniform, BeamModel, LatentShare)
 NARROW = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
+HERE, AWAY = GaussianPrior(mean=(1, 2, 0)), AnnulusRegion(centre=(50.0, 3.0), within=1.0)
 RNG = np.random.default_rng
 
 
@@ -100,6 +105,18 @@ BAD_MODELS = [
     *((GaussianPrior, {"mean": bad}, ("prior",)) for bad in ((1, 2), (1, 2, 90), "a")),
     (GaussianPrior, {"mean": (1, 2, 0), "sd_heading": NAN}, ("prior",)),
     (UniformPrior, {"floor_plan": NARROW, "radius": 8}, ("prior.radius is 8", "does not fit")),
+    (UniformPrior, {"floor_plan": NARROW, "region": AWAY}, ("AnnulusRegion",)),
+    (PolygonRegion, {"corners": ((0, 0), (1, 0))}, ("2 corners",)),
+    (PolygonRegion, {"corners": ((0, 0), (2, 2), (2, 0), (0, 2))}, ("crosses or touches itself",)),
+    (PolygonRegion, {"corners": ((0, 0), (1, 0), (1, 1), (0, 0))}, ("zero length",)),
+    (AnnulusRegion, {"centre": (0, 0), "within": 1, "beyond": 1}, ("prior.within",)),
+    (AnnulusRegion, {"centre": (0,), "within": 1}, ("prior's centre",)),
+    (MixturePrior, {"parts": ()}, ("no part",)),
+    (MixturePrior, {"parts": (HERE,), "weights": (0.0,)}, ("above 0",)),
+    (MixturePrior, {"parts": (HERE,), "weights": (1.0, 2.0)}, ("weights of priors",)),
+    (Calibration, {"scale": -1.0}, ("scale of a calibration is -1,",)),
+    (Calibration, {"position": NAN}, ("position of a calibration",)),
+    (Calibration, {"heading": "5°"}, ("heading of a calibration",)),
     (RobotModel, {"floor_plan": NARROW, "lidar": Lidar(), "radius": -1}, ("radius is",)),
     (RobotModel, {"floor_plan": None, "lidar": Lidar()}, ("floor_plan is None", "a Map")),
     (RobotModel, {"floor_plan": NARROW, "lidar": None}, ("lidar is None", "a Lidar")),

@@ -63,7 +63,7 @@ def test_a_future_drawn_anew_changes_no_weight_and_no_present(make, prior, drive
     ]  # fmt: skip
 
 
-def test_a_drawn_future_starts_from_its_own_present_and_follows_the_plan(room):
+def test_a_drawn_future_starts_from_its_own_present_and_follows_the_plan():
     # Without noise it is the plan rolled out from each particle's present.
     present = cloud(30)
     future = DrawnFuture(Rollout(STILL), present, PLAN[:3], 4, RNG(0))

@@ -195,25 +195,6 @@ def driven(model, steps, rng) -> tuple[np.ndarray, np.ndarray]:
     return meant, np.array(done)
 
 
-@pytest.mark.parametrize(
-    "model",
-    [
-        DifferentialMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.001),
-        OmniMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.001, alpha5=0.005),
-    ],
-)
-def test_the_noise_of_a_model_is_found_again_in_what_it_did(model):
-    # An α that one half of 6,000 steps tells alone is right to √(2 / 3,000) = 2.6 % of itself; two
-    # that share their steps to some times that, and the 99 % point to 8 % of a variance: 25 %.
-    meant, done = driven(model, 6000, np.random.default_rng(5))
-    found = type(model).fitted(meant, done)
-    for name in ("alpha1", "alpha2", "alpha3"):
-        assert getattr(found, name) == pytest.approx(getattr(model, name), rel=0.25)
-    assert found.alpha4 == pytest.approx(model.alpha4, rel=0.6)  # a tenth of the drives' variance
-    if isinstance(model, OmniMotion):
-        assert found.alpha5 == pytest.approx(model.alpha5, rel=0.25)
-
-
 @pytest.mark.parametrize("model", [DifferentialMotion, OmniMotion])
 def test_odometry_that_loses_some_signs_leaves_drives_possible_and_the_turns_alone(model):
     rng = np.random.default_rng(6)

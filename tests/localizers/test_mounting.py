@@ -8,7 +8,7 @@ from following import robot_of
 from reference import mounted
 
 import localizers
-from deqmcl_gym.logs.motion import composed, increments_of
+from deqmcl_gym.logs.motion import dead_reckoned, increments_of
 from deqmcl_gym.maps import GridMap, Lidar, Mount
 from localizers import GaussianPrior, GaussianUniform, mean_pose
 from localizers.models.nav2_scan import BeamCubes, LikelihoodField, LikelihoodFieldProb
@@ -32,10 +32,7 @@ def drive() -> np.ndarray:
     """Poses of a robot that turns on the spot, drives arcs, backs and strafes, (n, 3)."""
     steps = [(0.0, 0.0, 0.2)] * 16 + [(0.08, 0.0, 0.06)] * 25 + [(0.0, 0.06, 0.0)] * 15
     steps += [(-0.06, 0.0, -0.05)] * 15 + [(0.03, -0.05, -0.1)] * 15 + [(0.0, 0.0, -0.25)] * 10
-    poses = [STARTS]
-    for step in steps:
-        poses.append(composed(poses[-1][None], np.array([step]))[0])
-    return np.array(poses)
+    return dead_reckoned(steps, STARTS)
 
 
 def error(method: str, place: tuple[float, float], noise: float, seed: int) -> tuple[float, float]:

@@ -10,13 +10,11 @@ from types import ModuleType
 import pytest
 from deqmcl_command import python
 from refusals import refused
+from report_cases import trial_of
 
 import localizers
-from benchmarks.setup.names import AGENT
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import attempt, key_of
 from deqmcl_gym.validation import InputError
-from localizers import kinds
 from localizers.digests import UNREAD
 from localizers.methods.deq_mcl import mcl
 from localizers.registry import LOCALIZER
@@ -348,16 +346,7 @@ class Mine(MyLocalizer):
 
 def test_a_file_whose_own_processes_cannot_import_it_is_told_to_be_a_package(tmp_path):
     (tmp_path / "starts.py").write_text(STARTING)
-    trial = Trial(
-        scenario="paper", localizer=f"{tmp_path}/starts.py:Mine", params={}, lag=0, seed=0, trial=0
-    )  # fmt: skip
+    trial = trial_of(f"{tmp_path}/starts.py:Mine", 0)
     reason = attempt(trial, key_of(trial)).reason
     assert "so make it a package (starts.py, line" in reason
     assert reason.endswith("so make it a package")
-
-
-def test_installed_packages_are_looked_through_once(monkeypatch):
-    localizers.names()
-    monkeypatch.setattr(kinds, "distributions", None)
-    assert localizers.names() == BUILT_IN
-    AGENT.names()

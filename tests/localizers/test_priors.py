@@ -107,33 +107,6 @@ def test_filters_start_from_what_a_person_knows(name):
         assert share == pytest.approx(0.9, abs=4 * math.sqrt(0.09 / 500))
 
 
-@pytest.mark.parametrize(
-    ("made", "words"),
-    [
-        (lambda: PolygonRegion(corners=((0, 0), (1, 0))), "2 corners"),
-        (
-            lambda: PolygonRegion(corners=((0, 0), (2, 2), (2, 0), (0, 2))),
-            "crosses or touches itself",
-        ),
-        (lambda: PolygonRegion(corners=((0, 0), (1, 0), (1, 1), (0, 0))), "zero length"),
-        (lambda: AnnulusRegion(centre=(0, 0), within=1, beyond=1), "prior.within"),
-        (lambda: AnnulusRegion(centre=(0,), within=1), "prior's centre"),
-        (
-            lambda: UniformPrior(
-                floor_plan=HALL, region=AnnulusRegion(centre=(20.0, 3.0), within=1.0)
-            ),
-            "AnnulusRegion",
-        ),
-        (lambda: MixturePrior(parts=()), "no part"),
-        (lambda: MixturePrior(parts=(BED,), weights=(0.0,)), "above 0"),
-        (lambda: MixturePrior(parts=(BED,), weights=(1.0, 2.0)), "weights of priors"),
-    ],
-)
-def test_a_prior_that_cannot_be_is_refused(made, words):
-    with refused(words):
-        made()
-
-
 @pytest.mark.parametrize("name", ["mcl", "deq-mcl", "ekf", "grid", "amcl"])
 def test_a_spread_of_10_px_by_default_is_refused_on_a_map_in_metres_of_a_part_too(name):
     empty, rng = np.empty((0, 2)), np.random.default_rng(0)

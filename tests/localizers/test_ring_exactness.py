@@ -6,45 +6,21 @@ from itertools import product
 
 import numpy as np
 import pytest
-from ring import (
-    AS_PLANNED,
-    AUTHORS,
-    DRIVES,
-    FUTURE,
-    METHODS,
-    PAST,
-    PLANS,
-    PRIOR,
-    RESAMPLING,
-    SENSOR,
-    STATES,
-    Drive,
-    beliefs,
-    deq,
-    estimates,
-    fresh,
-    gamma,
-    plans_shown,
-    transition,
-    with_plans,
-    worst,
-    z_scores,
-)
+import ring
 
-from localizers.inference.futures import Foresight, PlanEvidence
-from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.futures import Foresight
 
-ALWAYS, DEGENERATE = RESAMPLING
+ALWAYS, DEGENERATE = ring.RESAMPLING
 # How it resamples, and β: at β = 10 rare events would break the central limit theorem.
 CONDITIONS = [(ALWAYS, 2.0), (DEGENERATE, 1.0)]
 
 
 SLOW = [
     pytest.param(10_000, name, strategy, drive, beta, marks=pytest.mark.slow)
-    for names, drives in ((METHODS, DRIVES), (PLANS, DRIVES | AUTHORS))
+    for names, drives in ((ring.METHODS, ring.DRIVES), (ring.PLANS, ring.DRIVES | ring.AUTHORS))
     for name, drive in product(names, drives)
     for strategy, beta in CONDITIONS
-    if drive in ("as planned", "everything") or name.startswith("deq") or name in PLANS
+    if drive in ("as planned", "everything") or name.startswith("deq") or name in ring.PLANS
 ]
 
 
@@ -79,25 +55,17 @@ SLOW = [
     ],
 )
 def test_the_unnormalised_estimate_is_unbiased_for_gamma(replicates, name, strategy, drive, beta):
-    ring = (METHODS | PLANS)[name](beta, resampling=RESAMPLING[strategy])
-    assert worst(z_scores(ring, (DRIVES | AUTHORS)[drive], replicates)) < 5
+    made = (ring.METHODS | ring.PLANS)[name](beta, resampling=ring.RESAMPLING[strategy])
+    assert ring.worst(ring.z_scores(made, (ring.DRIVES | ring.AUTHORS)[drive], replicates)) < 5
 
 
-@pytest.mark.parametrize("ring", [deq(1.0), fresh(1.0)], ids=["deq", "fresh"])
-def test_every_state_of_the_queue_is_tested_and_every_value_of_the_state(ring):
-    scores = z_scores(ring, AS_PLANNED, replicates=3)
-    held = {(t, s) for t in range(5) for s in range(-PAST, FUTURE + 1) if 0 <= t + s <= 4}
-    assert set(scores) == held
-    assert {z.shape for z in scores.values()} == {(STATES,)}
-
-
-def foreseen(t: int, ahead: int, drive: Drive, beta: float) -> np.ndarray:
+def foreseen(t: int, ahead: int, drive: ring.Drive, beta: float) -> np.ndarray:
     """∫ γ_t 1{x_t = i} P(x_{t+ahead} = j | x_t = i, the planned steps feasible), summed over i."""
-    ring = with_plans(beta)
-    present = gamma(t, drive.executed[:t], beta, plans_shown(ring, drive))[t]
-    commands = drive.plans[t][:FUTURE]
-    steps = [transition(command, beta) for command in commands]
-    before, after = np.eye(STATES), np.ones(STATES)
+    made = ring.with_plans(beta)
+    present = ring.gamma(t, drive.executed[:t], beta, ring.plans_shown(made, drive))[t]
+    commands = drive.plans[t][: ring.FUTURE]
+    steps = [ring.transition(command, beta) for command in commands]
+    before, after = np.eye(ring.STATES), np.ones(ring.STATES)
     for step in steps[:ahead]:
         before = before @ step
     for step in reversed(steps[ahead:]):
@@ -108,15 +76,15 @@ def foreseen(t: int, ahead: int, drive: Drive, beta: float) -> np.ndarray:
 
 def test_where_the_plan_is_evidence_the_future_is_that_of_a_feasible_plan_as_roll_outs_grow():
     # Of M roll-outs one is kept in proportion to its g: a bias of O(1/M), no other.
-    drive, beta, replicates = AUTHORS["anew"], 2.0, 1_500
+    drive, beta, replicates = ring.AUTHORS["anew"], 2.0, 1_500
     away = {}
     for copies in (1, 4, 64):
-        ring = with_plans(beta)
+        made = ring.with_plans(beta)
         ahead = Foresight(
-            rollout=ring.rollout, steps=FUTURE, copies=copies, evidence=ring.lookahead
+            rollout=made.rollout, steps=ring.FUTURE, copies=copies, evidence=made.lookahead
         )
-        looking = replace(ring, lookahead=ahead)
-        runs, scores = [estimates(looking, drive, seed) for seed in range(replicates)], []
+        looking = replace(made, lookahead=ahead)
+        runs, scores = [ring.estimates(looking, drive, seed) for seed in range(replicates)], []
         for t, offset in ((0, 2), (1, 2), (2, 1)):
             seen = [run[t, offset] for run in runs]
             error = np.std(seen, axis=0, ddof=1) / math.sqrt(replicates)
@@ -128,56 +96,9 @@ def test_where_the_plan_is_evidence_the_future_is_that_of_a_feasible_plan_as_rol
     assert away[1] > away[4] > away[64]
 
 
-def test_enumeration_agrees_with_the_forward_recursion():
-    # γ by messages instead of paths: α_t forwards, then h_t(x) backwards over the planned steps.
-    beta, t, commands = 1.0, 2, (1, 1, 2, 1)
-    step = [transition(command, beta) for command in commands]
-    forward = PRIOR @ step[0] * SENSOR[:, 0] @ step[1] * SENSOR[:, 1]
-    lookahead = step[2] @ step[3] @ np.ones(STATES)
-    assert gamma(t, commands, beta)[t] == pytest.approx(forward * lookahead, rel=1e-12)
-
-
 def test_a_plan_that_is_kept_is_never_redrawn_and_draws_nothing_for_it():
-    few, many = (list(beliefs(deq(1.0, pilots=m), AS_PLANNED, seed=0))[-1] for m in (1, 16))
+    few, many = (
+        list(ring.beliefs(ring.deq(1.0, pilots=m), ring.AS_PLANNED, seed=0))[-1] for m in (1, 16)
+    )
     assert few.events.replanned_steps == 0
     assert few.log_weights.tolist() == many.log_weights.tolist()
-
-
-class RechargesTheFuture(ParticleFilter):
-    """Multiplies the g of the whole queued future into the weights at every step."""
-
-    def step(self, belief, ranges, action, plan, rng):
-        belief = super().step(belief, ranges, action, plan, rng)
-        for s in range(belief.queue.ahead):
-            before, after = belief.queue.at(s), belief.queue.at(s + 1)
-            belief = belief.reweighted(self.feasibility.log_g(before, after))
-        return belief
-
-
-class NeverNotices(ParticleFilter):
-    _redraw = staticmethod(lambda belief, actions, rng: belief)
-
-
-class FirstForgotten(PlanEvidence):
-    def __call__(self, belief, plan, rng):
-        return belief if len(plan) == 4 else super().__call__(belief, plan, rng)
-
-
-def reading_by(evidence: type[PlanEvidence], **changes) -> ParticleFilter:
-    ring = with_plans(2.0)
-    return replace(ring, lookahead=evidence(**vars(ring.lookahead) | changes))
-
-
-@pytest.mark.parametrize(
-    ("ring", "meant", "drive"),
-    [
-        (deq(1.0, RechargesTheFuture), deq(1.0), AS_PLANNED),
-        (deq(1.0, NeverNotices), deq(1.0), DRIVES["executed differs"]),
-        (reading_by(FirstForgotten), with_plans(2.0), AUTHORS["anew"]),
-        (reading_by(PlanEvidence, keep=0.8), with_plans(2.0), AUTHORS["anew"]),
-        (with_plans(2.0, steps=3), with_plans(2.0), AUTHORS["anew"]),
-        (with_plans(2.0, steps=3), with_plans(2.0, steps=3, new_only=True), AS_PLANNED),
-    ],
-)
-def test_a_wrong_filter_is_caught(ring, meant, drive):
-    assert worst(z_scores(ring, drive, 500, meant)) > 5

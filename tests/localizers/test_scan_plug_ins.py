@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from following import follow, same
 from refusals import refused
+from report_cases import trial_of
 
 import localizers
 from benchmarks.checks import check
 from benchmarks.cli import main
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, guest_of, key_of
 from localizers.models.scan import BEAM_MODELS, LidarScan, Scan
 from localizers.registry import ScanPlugIn
@@ -44,9 +44,7 @@ class Answers:
     def log_likelihood(self, states, scan):
         return {answer}
 """
-TRIAL = Trial(
-    scenario="guided", localizer="mcl", params={"particles": 50}, lag=0, seed=0, trial=0
-)  # fmt: skip
+TRIAL = trial_of("mcl", 0, scenario="guided", params={"particles": 50}, lag=0)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hall import recorded_in_a_hall
+from drives import recorded_in_a_hall
 from refusals import refused
 
 from benchmarks.setup.names import make_agent

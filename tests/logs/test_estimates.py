@@ -95,13 +95,16 @@ def test_poses_that_are_not_finite_are_left_out_and_counted(tmp_path):
     (tmp_path / "x.csv").write_text("time,x,y,heading\n1,0,0,0\n2,nan,0,0\n3,,0,0\n4,1,0,0\n")
     with pytest.warns(LogWarning, match="skipped 2 of 4 records"):
         assert read_estimate(tmp_path / "x.csv").times.tolist() == [1.0, 4.0]
-    (tmp_path / "x.tum").write_text("1 0 0 0 0 0 0 1\nno\n2 0 0 0 0 0 0 0\n")
-    with pytest.warns(LogWarning, match="2 of 3"):
-        assert read_estimate(tmp_path / "x.tum").times.tolist() == [1.0]
+    lines = "1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 0\n3 0 0\n\n# x\n4 nan 0 0 0 0 0 1\n5 0 0 0 0 0 1 0\n"
+    (tmp_path / "x.tum").write_text(lines)
+    for read in (read_estimate, logs.read_tum):
+        with pytest.warns(LogWarning, match="skipped 3 of 5"):
+            assert read(tmp_path / "x.tum").times.tolist() == [1.0, 5.0]
 
 
 REFUSED = [
     (read_estimate, "x.tum", "# nothing\n", "has no usable pose"),
+    (logs.read_tum, "x.tum", "# nothing\n", "has no usable pose"),
     (read_estimate, "x.csv", "time,x,y\n1,2,3\n", "'heading' 0 times"),
     (read_estimate, "x.csv", "time,x,y,heading,var_x\n", "'cov_xy' 0 times"),
     (read_estimate, "x.csv", "time,x,y,heading\n1,2,3,4\n1,2\n", "line 3 of"),

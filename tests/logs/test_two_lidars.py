@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from bags import ODOMETRY, SCAN, TF, bag, odometry, scan, transform, written
+from bags import SCAN, TF, bag, moving, scan, transform, written
 from drives import read_and_warned
 from refusals import refused
 
@@ -55,12 +55,8 @@ def sent(topic, mount, times, ranges=None, **more):
 def two(path, front, rear, poses=pose_at):
     """A bag of scans (topic, type, message) of both lidars, and of odometry at 10 Hz for 4 s."""
     stamps = np.arange(41) / 10
-    moved = [
-        ("/odom", ODOMETRY, odometry(float(t), x, heading, y=y))
-        for t, (x, y, heading) in zip(stamps, poses(stamps).tolist(), strict=True)
-    ]
     fixed = [frame_of(name[1:], mount) for name, mount in zip(BOTH, (AHEAD, BEHIND), strict=True)]
-    return bag(path, *fixed, *moved, *front, *rear)
+    return bag(path, *fixed, *moving(stamps, poses(stamps)), *front, *rear)
 
 
 def test_two_topics_of_one_clock_are_one_lidar_with_the_scans_as_they_were_sent(tmp_path):

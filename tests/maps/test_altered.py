@@ -48,8 +48,6 @@ def test_walls_of_a_turned_map_are_found_as_well():
 def test_a_map_without_inner_walls_is_refused():
     with refused("has no inner wall along its axes of at most 2 m"):
         inner_walls(GridMap(occupancy=np.zeros((9, 9), int), resolution=0.1))
-    with refused("is of polygons", "give an office or a ROS map"):
-        inner_walls(PolygonMap([(0, 0), (9, 0), (9, 9), (0, 9)], unit="m"))
 
 
 @settings(max_examples=40, deadline=None)

@@ -1,6 +1,7 @@
 """What a floor plan may be given as, and what is refused in one sentence."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -143,11 +144,29 @@ def test_arrays_of_another_shape_are_refused_before_a_kernel_reads_past_their_en
         lambda: floor_plan.collisions_along(poses, path.T.copy(), 0.1),
     ]
     for call in calls:
-        with pytest.raises(InputError, match=r"shape|as many"):
+        with refused():
             call()
 
 
-INF = float("inf")
-
-
-WHOLE, PAIRS = "whole number from 0 to 10", "n x 2 finite numbers"
+@pytest.mark.parametrize("floor_plan", [PolygonMap(SQUARE), Office().grid])
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        *(({"radius": bad}, "radius is") for bad in (-20.0, math.nan, math.inf, "8")),
+        ({"pose": (5, 5, 1e6)}, "a heading of poses is 1e+06 rad"),
+        ({"pose": ("a", "b", "c")}, "poses is"),
+        ({"bearings": [[0.0]]}, "bearings have shape (1, 1)"),
+    ],
+)
+def test_a_question_with_what_is_no_radius_pose_or_bearing_is_refused(floor_plan, bad, words):
+    rows = np.ones((3, 1), np.float32)
+    questions = [
+        lambda pose, bearings, **_: floor_plan.ranges([pose], bearings),
+        lambda radius, **_: floor_plan.free([(5, 5)], radius),
+        lambda radius, **_: floor_plan.collides([(5, 5)], [(6, 5)], radius),
+        lambda radius, **_: floor_plan.rolled_out(rows, rows[None], radius, kept=1),
+        lambda radius, **_: floor_plan.collisions_along(rows, rows[:2, [0, 0]], radius),
+    ]
+    for ask in questions[1:] if "radius" in bad else questions[:1]:
+        with refused(words):
+            ask(**{"pose": (5, 5, 0), "bearings": [0.0], "radius": 0.1} | bad)

@@ -9,7 +9,6 @@ import reference
 from grid_cases import grids, office, somewhere
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
 from deqmcl_gym.world.config import PAPER_ROOM, WORLDS
@@ -118,30 +117,6 @@ def test_what_a_map_or_course_hands_out_cannot_be_changed(owner):
             getattr(owner, name)[0] = 1
 
 
-@pytest.mark.parametrize("plan", MAPS)
-@pytest.mark.parametrize("radius", [-20.0, math.nan, math.inf, "8"])
-def test_a_radius_that_is_none_is_refused_by_every_question(plan, radius):
-    rows = np.ones((3, 1), np.float32)
-    for ask in (
-        lambda: plan.free([(5, 5)], radius),
-        lambda: plan.collides([(5, 5)], [(6, 5)], radius),
-        lambda: plan.rolled_out(rows, rows[None], radius, kept=1),
-        lambda: plan.collisions_along(rows, np.ones((2, 2), np.float32), radius),
-    ):
-        with refused("radius is"):
-            ask()
-
-
-@pytest.mark.parametrize("plan", MAPS)
-def test_poses_and_bearings_that_are_none_are_refused(plan):
-    with refused("a heading of poses is 1e+06 rad"):
-        plan.ranges([(5, 5, 1e6)], [0.0])
-    with refused("bearings have shape (1, 1)"):
-        plan.ranges([(5, 5, 0)], [[0.0]])
-    with refused("poses is"):
-        plan.ranges([("a", "b", "c")], [0.0])
-
-
 @pytest.mark.parametrize("name", ["room", "hall", "forest"])  # a box, few walls, many
 @pytest.mark.parametrize("poses", [1, 20])  # lanes over beams, over poses
 def test_a_heading_that_is_not_finite_sees_nothing(name, poses):
@@ -234,56 +209,25 @@ def test_both_count_the_steps_that_collide_on_the_grid(
     assert np.array_equal(grid.collisions_along(poses, path, size), hits)
 
 
-# half is for the pose, as float32 cannot do better near a corner, half for the way along the beam
+# of a pose, as float32 cannot do better near a corner, and of the way along the beam
 HALF_PX, HALF_RAD = 5e-4, 5e-6
-
-
-def by_reference(plan: PolygonMap, poses: np.ndarray) -> tuple[np.ndarray, list]:
-    """Ranges straight ahead and the walls they end at."""
-    each = [reference.ranges(wall[None], poses, [0.0])[:, 0] for wall in plan.walls]
-    return np.min(each, axis=0), np.argmin(each, axis=0).tolist()
-
-
-def poses_nearby(plan: PolygonMap, pose: np.ndarray) -> np.ndarray:
-    steps = np.array(list(product((-1, 0, 1), repeat=3))) * (HALF_PX, HALF_PX, HALF_RAD)
-    moved = pose + steps
-    to_corner = corners(plan)[None] - moved[:, None, :2]
-    passing = np.arctan2(to_corner[..., 1], to_corner[..., 0])[..., None] + (-1e-10, 1e-10)
-    turns = np.angle(np.exp(1j * (passing - pose[2])))
-    row, corner, side = np.nonzero(np.abs(turns) <= HALF_RAD)
-    past_corners = moved[row]
-    past_corners[:, 2] = pose[2] + turns[row, corner, side]
-    return np.vstack([moved, past_corners])
-
-
-def is_range_of_a_pose_nearby(seen: float, plan: PolygonMap, pose: np.ndarray) -> bool:
-    spread: dict[object, list[float]] = {}
-    for exact, wall in zip(*by_reference(plan, poses_nearby(plan, pose)), strict=True):
-        spread.setdefault(wall, []).append(exact)
-    return any(min(r) - HALF_PX <= seen <= max(r) + HALF_PX for r in spread.values())
-
-
-def violations(seen: np.ndarray, plan: PolygonMap, poses: np.ndarray) -> list[np.ndarray]:
-    suspects = np.flatnonzero(~(np.abs(seen - by_reference(plan, poses)[0]) <= HALF_PX))
-    return [
-        poses[i] for i in suspects if not is_range_of_a_pose_nearby(float(seen[i]), plan, poses[i])
-    ]
-
-
-def inside_the_outer_wall(plan: PolygonMap, poses: np.ndarray) -> np.ndarray:
-    """Poses (k, 3) inside the outer wall, clear of it by more than float32 resolves."""
-    outer = plan.walls[: len(plan.outer)]
-    clear = reference.clearance(outer, poses, poses) > 1e-3
-    return poses[clear & (reference.winding(outer, poses[:, :2]) == 1)]
 
 
 @pytest.mark.parametrize("name", PLANS)
 def test_each_range_is_the_exact_range_of_a_pose_nearby(name):
     plan = PLANS[name]
-    poses = inside_the_outer_wall(plan, awkward_poses(plan, 13_000, np.random.default_rng(1)))
+    poses = awkward_poses(plan, 13_000, np.random.default_rng(1))
+    outer = plan.walls[: len(plan.outer)]
+    clear = reference.clearance(outer, poses, poses) > 1e-3
+    poses = poses[clear & (reference.winding(outer, poses[:, :2]) == 1)]
     assert len(poses) > 10_000
     seen = plan.ranges(poses, [0.0])[:, 0]
-    assert violations(seen, plan, poses) == []
+    off = np.abs(seen - reference.ranges(plan.walls, poses, [0.0])[:, 0])
+    assert (off <= HALF_PX).mean() > 0.6  # all but those that pass a corner, or along a wall
+    for k in np.flatnonzero(~(off <= HALF_PX)):
+        turns = np.array(list(product((-1, 0, 1), repeat=3))) * (HALF_PX, HALF_PX, HALF_RAD)
+        nearby = reference.ranges(plan.walls, poses[k] + turns, [0.0])
+        assert nearby.min() - HALF_PX <= seen[k] <= nearby.max() + HALF_PX
 
 
 def test_a_pose_has_the_same_bits_in_every_block():

@@ -31,6 +31,13 @@ def spoil_state():
     sys.stdout = sys.stderr = None
 
 
+def die_once():
+    """Only who finds the file STARTED dies, and nobody finds it again."""
+    if os.path.exists(STARTED):
+        os.unlink(STARTED)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
 def interrupt():
     raise KeyboardInterrupt
 
@@ -44,6 +51,7 @@ DEEDS = {
     "hang": lambda: time.sleep(3600),
     "exit": lambda: sys.exit(0),
     "end": lambda: os._exit(0),
+    "die once": die_once,
     "interrupt": interrupt,
     "close": close,
     "recurse": recurse,

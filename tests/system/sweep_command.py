@@ -2,6 +2,7 @@
 
 import json
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from deqmcl_command import exit_code
@@ -34,6 +35,16 @@ def write_small(folder, trials=2, particles=15, more="", others=()):
     named = json.dumps(["mcl", "dead-reckoning", *others])
     path.write_text(SMALL.format(trials=trials, particles=particles, localizers=named) + more)
     return path
+
+
+def write_hostile(folder, what, when):
+    """Write the plug-in that does so at that moment; return its name."""
+    text = Path(__file__).with_name("hostile.py").read_text()
+    told = f"WHAT, WHEN, STARTED = {what!r}, {when!r}, {str(folder / 'started')!r}"
+    first = 'WHAT, WHEN, STARTED = "nothing", "never", ""'
+    assert first in text
+    (folder / "hostile.py").write_text(text.replace(first, told))
+    return f"{folder}/hostile.py:Hostile"
 
 
 def sweep(file, out, *more):

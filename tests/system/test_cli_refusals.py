@@ -42,6 +42,7 @@ BAD = [  # arguments, and what the sentence must name
     (["new", "localizer", "my_localizer"], ["must end in .py"]),
     (["new", "localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
     ([*MAP, "--door", "0.85"], ["door", "0.85"]),
+    (["check", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
     (["report", "."], ["holds no manifest.json", "give the folder of a sweep or replay."]),
 ]
 
@@ -65,20 +66,12 @@ def test_an_output_path_that_is_a_file_is_refused_and_kept(tmp_path, refusal, co
     assert (tmp_path / "file").read_text() == "precious"
 
 
-def points(*counts):
-    return "".join(
-        f"\n[[vary]]\nworld.noise.{name} = {list(range(count))}"
-        for name, count in zip(("drive", "turn", "drift"), counts, strict=False)
-    )
-
-
 BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence must name
     ('\n[held_out]\nvalue = "a"', (), ["small.toml", "'held_out'"]),
     ('\nbeta = "a\\u0007b"', (), ["beta", "control characters"]),
     ("", ("--with", "a\udce9.py:L"), [r"'a\udce9.py:L'", "no UTF-8"]),
     ("\nbeta = 3", (), ["'beta'", "particles"]),  # in [params]
     ("\n[[vary]]\nparams.particles = [5, 1.5]", (), ["particles", "1.5"]),
-    (points(125, 100, 200), (), ["10,000,000", "more than 1,000,000"]),
     ("", ("--margin", "5%"), ["--margin", "--until-decided"]),
     ("", ("--until-decided", "--trials", "9"), ["--trials", "--max-worlds"]),
     ("", ("--until-decided", "--shard", "1/2"), ["--shard", "--until-decided"]),
@@ -171,7 +164,7 @@ def test_a_folder_of_another_command_is_refused(tmp_path, finished, lap, refused
     refused(command, shutil.copytree(other, tmp_path / "other"))
 
 
-def test_a_lap_is_run_again_into_its_folder_beside_a_file_of_the_users(lap, refusal):
+def test_a_lap_is_run_again_into_its_folder_beside_a_file_of_the_users(lap):
     before = files(lap)
     (lap / "notes.txt").write_text("mine")
     (lap / "error.csv").write_text("edited")

@@ -55,7 +55,7 @@ def test_a_change_that_no_record_feels_makes_nothing_stale(reports, monkeypatch,
     assert "under this code" in capsys.readouterr().out
 
 
-def test_a_record_that_differs_is_named_with_what_to_do(reports, monkeypatch, capsys):
+def test_a_record_that_differs_is_named_with_what_to_do(reports, capsys):
     sample = reports / "sampled" / "small.csv"
     text = sample.read_text()
     *_, last = text.split(",")

@@ -5,7 +5,6 @@ import os
 import shutil
 import sys
 import tomllib
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
@@ -17,21 +16,6 @@ import deqmcl_gym
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("benchmarks", "deqmcl_gym", "localizers")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-
-
-def folders():
-    """Folders with Python files below the root, as dotted names; hidden and built ones left out."""
-    for path in ROOT.rglob("*.py"):
-        parts = path.relative_to(ROOT).parent.parts
-        if parts and not any(part.startswith(".") or part in ("build", "dist") for part in parts):
-            yield ".".join(parts)
-
-
-def test_the_patterns_of_pyproject_choose_exactly_the_three_packages():
-    patterns = PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]
-    chosen = {name for name in folders() if any(fnmatchcase(name, p) for p in patterns)}
-    assert {name.partition(".")[0] for name in chosen} == set(PACKAGES)
-    assert {name for name in folders() if name.partition(".")[0] in PACKAGES} == chosen
 
 
 def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
@@ -121,6 +105,3 @@ def test_the_papers_run_works_without_a_folder_for_its_kernels(locked, tmp_path)
     assert "figures/lap.webp" in said
     assert not list(tmp_path.rglob("*.nbc"))
     assert [*locked.rglob("__pycache__"), *(locked / "home").iterdir()] == []
-
-
-# Every number of one trial of each localizer, by its exact bits.

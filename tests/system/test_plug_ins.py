@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 from deqmcl_command import exit_code, lines
-from sweep_command import sweep, without_report, write_small
+from sweep_command import sweep, write_hostile, write_small
 
-HOSTILE = Path(__file__).with_name("hostile.py").read_text()
 NAME = "./hostile.py:Hostile"
 FATAL = [
     ("hang", "update", "no result within 5 s: its worker (process "),
@@ -20,13 +19,6 @@ FATAL = [
 HARMLESS = ("leave", "spoil", "child")
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-
-
-def write_hostile(folder, what, when):
-    told = f"WHAT, WHEN, STARTED = {what!r}, {when!r}, {str(folder / 'started')!r}"
-    first = 'WHAT, WHEN, STARTED = "nothing", "never", ""'
-    assert first in HOSTILE
-    (folder / "hostile.py").write_text(HOSTILE.replace(first, told))
 
 
 def small_sweep(folder, out, timeout=60):
@@ -98,46 +90,3 @@ def test_a_lap_that_a_plug_in_ends_has_not_succeeded(here, capfd):
     write_hostile(here, "exit", "update")
     assert exit_code("run", "--localizer", NAME, "--out", "out") == 3
     assert "Traceback" not in capfd.readouterr().err
-
-
-PLUG_IN = '''
-"""A localizer without particles, past and future."""
-
-import numpy as np
-
-from localizers import PoseBelief
-
-
-class PoseOnly:
-    """Takes only a robot, and ignores scan and plan."""
-
-    def __init__(self, robot):
-        pass
-
-    def reset(self, prior, plan, rng):
-        self.pose = np.array(prior.mean)
-        return PoseBelief(self.pose)
-
-    def update(self, ranges, action, plan):
-        self.pose[2] += action[1]
-        self.pose[:2] += action[0] * np.array([np.cos(self.pose[2]), np.sin(self.pose[2])])
-        return PoseBelief(self.pose)
-'''
-OWN = "mine.py:PoseOnly"
-
-
-def test_a_localizer_that_gives_only_a_pose_is_scored_and_what_it_lacks_is_empty(here, refusal):
-    (here / "mine.py").write_text(PLUG_IN)
-    few = ("--trials", "2", "--particles", "50", "--lag", "5")
-    paper = ("paper", *few, "--localizers", f"mcl,{OWN},dead-reckoning", "--out")
-    with without_report():
-        assert exit_code(*paper, "one", "--jobs", "1") == 0
-    rows = {(r["method"], r["offset"]): r for r in lines(here / "one", "results.csv")}
-    ours, theirs = rows[OWN, "0"], rows["dead-reckoning", "0"]
-    assert float(ours["error"]) == pytest.approx(float(theirs["error"]), rel=1e-12)
-    for spread in ("entropy", "var_x", "var_y", "var_cos", "var_sin"):
-        assert ours[spread] == "", spread  # never 0
-    assert [offset for method, offset in rows if method == OWN] == ["0"]  # no past, no future
-    assert "n/a" in (here / "one" / "table.md").read_text()
-    (here / "mine.py").write_text(f"{PLUG_IN}\n# changed\n")
-    refusal([*paper, "one"], f"plug-ins.{OWN} was")

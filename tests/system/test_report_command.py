@@ -67,6 +67,7 @@ def test_a_page_of_few_megabytes_has_the_whole_laps_of_best_and_worst_world(anim
         read, animation = cv2.imreadanimation(str(film))
         assert read
         assert len(animation.frames) == 204 // 8 + 1 + 1  # and the whole way
+        assert animation.frames[0].shape[1] > 2 * 350  # side by side
 
 
 def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_path):

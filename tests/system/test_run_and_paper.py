@@ -154,6 +154,9 @@ def test_the_table_has_every_method_at_every_offset_it_holds(small_run):
     } == OFFSETS
     assert len(rows) == sum(map(len, OFFSETS.values()))
     assert {row["worlds"] for row in rows} == {"2"}
+    for row in rows:  # of a single pose there is no spread, which is not 0
+        spread = [row[name] for name in ("entropy", "var_x", "var_y", "var_cos", "var_sin")]
+        assert ([*{*spread}] == [""]) == (row["method"] == "dead-reckoning")
 
 
 def test_what_is_printed_is_the_table_with_the_papers_values(small_run):

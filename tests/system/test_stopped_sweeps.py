@@ -10,13 +10,12 @@ from pathlib import Path
 
 import pytest
 from deqmcl_command import DEQMCL, files, process, records
-from sweep_command import sweep, tables, write_small
+from sweep_command import sweep, tables, write_hostile, write_small
 
 from benchmarks.execution import engines
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
-TROUBLED = Path(__file__).with_name("troubled.py")
 PATIENCE = 60.0  # seconds; never waited out if all is well
 
 
@@ -28,11 +27,10 @@ def _hear_ctrl_c():
 class Running:
     """A sweep in processes of its own group, which can be told from all others."""
 
-    def __init__(self, file, out, *more, script=None):
+    def __init__(self, file, out, *more):
         self.out = out
         self._mark = uuid.uuid4().hex
-        program = (DEQMCL,) if script is None else (sys.executable, script)
-        words = [*program, "sweep", file, "--out", out, "--jobs", "2", *more]
+        words = [DEQMCL, "sweep", file, "--out", out, "--jobs", "2", *more]
         self.process = subprocess.Popen(
             [str(word) for word in words],
             env=os.environ | {"SWEEP_MARK": self._mark},
@@ -100,8 +98,9 @@ def test_a_sweep_that_is_killed_again_and_again_ends_as_if_nothing_had_been(tmp_
 )
 def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(tmp_path, how, times, send, code):
     file = write_small(tmp_path, trials=1)
-    running = Running(file, tmp_path / "out", "--with", "sleep", script=TROUBLED)
-    running.wait_for_trials(2)  # what is left sleeps for a quarter of an hour
+    hangs = write_hostile(tmp_path, "hang", "update")
+    running = Running(file, tmp_path / "out", "--with", hangs)
+    running.wait_for_trials(2)  # what is left hangs
     for _ in range(times):
         send(running.process.pid, how)
         time.sleep(0.02)
@@ -169,23 +168,19 @@ def test_a_signal_is_not_lost_wherever_it_comes(script, words, ended):
     assert (done.returncode, done.stdout, done.stderr) == ended
 
 
-def run(file, out, *more, flag):
-    command = (sys.executable, TROUBLED, "sweep", file, "--out", out, "--with", "die-once")
-    return process(*command, *more, env=os.environ | {"TROUBLED_FLAG": str(flag)})
-
-
 @pytest.mark.slow  # every process of the cluster loads all anew
 def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path):
     distributed = pytest.importorskip("distributed")
-    file, flag = write_small(tmp_path, trials=3), tmp_path / "flag"
-    here = run(file, tmp_path / "here", "--jobs", "1", flag=flag)
-    assert here.returncode == 0, here.stderr
+    file, flag = write_small(tmp_path, trials=3), tmp_path / "started"
+    dies = write_hostile(tmp_path, "die once", "update")
+    assert sweep(file, tmp_path / "here", "--with", dies) == 0
     flag.touch()
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None
     ) as cluster:
         address = cluster.scheduler_address
-        there = run(file, tmp_path / "there", "--jobs", "2", "--dask", address, flag=flag)
+        words = ("--out", tmp_path / "there", "--with", dies, "--jobs", "2", "--dask", address)
+        there = process(DEQMCL, "sweep", file, *words)
     assert there.returncode == 0, there.stderr
     assert not flag.exists()  # a worker found it and died
     assert there.stdout.startswith("small: 9 of 9 trials finished.")

@@ -78,7 +78,7 @@ def test_worlds_seed_and_parameters_given_as_options_are_as_if_the_file_said_the
 
 
 @pytest.mark.parametrize("name", ["headline", "plan-sensor"])
-def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
+def test_a_sweep_can_be_told_from_its_manifest(name):
     sweep = sweep_named(name)
     text = json.dumps(manifest.manifest_of(sweep, []).sweep, allow_nan=False)
     assert sweep_of(json.loads(text), title="") == sweep
@@ -91,7 +91,7 @@ def test_combinations_that_are_the_same_are_said_and_run_once(tmp_path, capsys, 
     assert len(ran) == 3
 
 
-def test_without_the_extra_report_a_sweep_has_its_tables(tmp_path, monkeypatch, capsys):
+def test_without_the_extra_report_a_sweep_has_its_tables(tmp_path, monkeypatch, capsys, refusal):
     monkeypatch.setattr(page, "find_spec", lambda name: None)
     few = write_small(tmp_path, trials=1)
     assert exit_code("sweep", few, "--jobs", "1", "--out", tmp_path / "out") == 0
@@ -100,6 +100,7 @@ def test_without_the_extra_report_a_sweep_has_its_tables(tmp_path, monkeypatch, 
     assert "pip install 'deqmcl-gym[report]'" in said
     assert not (tmp_path / "out" / "report.html").exists()
     assert tables(tmp_path / "out")
+    refusal(["report", tmp_path / "out"], "pip install 'deqmcl-gym[report]'")
 
 
 def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(here, capsys):
@@ -151,7 +152,7 @@ def test_a_method_stops_when_it_is_decided_and_its_baseline_goes_on_for_the_othe
         assert (line["diff_low"], line["p"]) == ("", "")  # nothing for a fixed number of worlds
 
 
-def test_what_is_run_until_decided_does_not_depend_on_jobs(decided, tmp_path, ran):
+def test_what_is_run_until_decided_does_not_depend_on_jobs(decided, tmp_path):
     file, out = decided
     other = tmp_path / "out"
     assert sweep(file, other, "--max-worlds", "20", "--until-decided", "--jobs", "2") == 0

@@ -335,7 +335,7 @@ def test_a_number_that_differs_is_found_and_named_and_the_folder_is_as_it_was(mi
     assert files(out) == before
 
 
-def test_what_is_interrupted_or_made_by_this_very_code_writes_nothing(finished, copy, monkeypatch):
+def test_what_is_interrupted_or_made_by_this_very_code_writes_nothing(copy, monkeypatch):
     before = files(copy)
     assert verify(copy) == 0
     assert files(copy) == before
