@@ -246,12 +246,12 @@ def named_localizers(localizers: Any) -> tuple[list[Any], dict[str, Factory]]:
     for localizer in [localizers] if single else localizers:
         made_by = localizer.func if isinstance(localizer, partial) else localizer
         name = getattr(made_by, "__name__", None)
-        if not callable(localizer):
+        if isinstance(localizer, str | Method | Mapping):
             names.append(localizer)
         elif not isinstance(name, str) or name == "<lambda>":
             raise InputError(
                 f"the localizer is {shown(localizer)}, but must be a name, a class or a function "
-                "with a name."
+                'with a name, or {"name": …, "params": {…}} with one that is registered.'
             )
         elif factories.setdefault(name, localizer) is not localizer:
             raise InputError(f"two localizers are called {name}: give one of them another name.")
