@@ -195,6 +195,13 @@ def test_the_state_error_is_the_norm_over_x_y_cosine_and_sine_of_each_state():
     assert scores.state_error(means, truth) == pytest.approx([math.sqrt(27), 1], rel=1e-12)
 
 
+@pytest.mark.parametrize("size", [1e-300, 1e-160, 1.0, 1e160, 1e307])
+def test_lengths_of_any_size_scale_without_overflow_or_loss(size):
+    means = size * np.array([[3.0, 4.0, 0.0, 0.0], [0.0, -5.0, 0.0, 0.0]])
+    assert scores.position_error(means, np.zeros((2, 3))) == pytest.approx([5 * size] * 2)
+    assert scores.rms(size * np.array([1.0, 7.0])) == pytest.approx(5 * size)
+
+
 @pytest.mark.parametrize(
     ("estimated", "true", "apart"),
     [

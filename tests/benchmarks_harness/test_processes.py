@@ -240,6 +240,12 @@ def test_a_trial_that_would_end_this_process_is_lost_like_a_dead_worker(monkeypa
         engine.submit(trial, "a").result()
 
 
+def test_a_trial_that_timed_out_is_not_tried_again():
+    found, executor = run({"b": [TimedOutError("no result within 5 s")]})
+    assert Counter(executor.submitted)["b"] == 1
+    assert found["b"] == Outcome(reason="no result within 5 s")
+
+
 def test_an_engine_that_never_answers_is_given_up_after_the_timeout_and_the_rest_goes_on():
     found, _ = run({"b": [None]}, timeout=0.05)
     assert found["a"] == found["c"] == DONE

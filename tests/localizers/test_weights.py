@@ -180,6 +180,10 @@ def test_a_particle_is_copied_floor_or_ceil_n_w_times_or_within_two_of_n_w_if_st
         assert (np.abs(counts(stratified(weights, rng)) - n * weights) < 2 + 1e-9).all()
 
 
+def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_particle():
+    assert systematic(np.zeros(3), np.random.default_rng(0)).tolist() == [0] * 3
+
+
 def test_multinomial_resampling_has_the_multinomial_variance():
     # n w (1 - w); its estimate from 10,000 draws has a relative standard error of about √(2/10⁴)
     weights, rng = np.array([0.1, 0.2, 0.3, 0.4]), np.random.default_rng(5)
