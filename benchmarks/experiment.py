@@ -169,7 +169,7 @@ class ExperimentResults:
         Columns are such as "particles" and "error", with error_low and error_high. One that is not
         there, or has no numbers, raises ``InputError``.
         """
-        from benchmarks.report.charts import line, shown_in_notebooks, styled
+        from benchmarks.report.charts import Chart, line, styled
 
         table = self.table[self.table["offset"] == offset]
         if table.empty:
@@ -189,7 +189,10 @@ class ExperimentResults:
         with styled():
             axes = line(rows, over, value, *ends)
             axes.set(xlabel=over, ylabel=value)
-        return shown_in_notebooks(cast("Figure", axes.figure))
+        figure = cast("Figure", axes.figure)
+        # a notebook shows it as the value of a cell, whatever its backend
+        vars(figure)["_repr_png_"] = partial(Chart("", "", "", figure).drawn, "png")
+        return figure
 
     def report(self, out: str | Path) -> Path:
         """Write report.html and all tables into a folder; return the page."""

@@ -97,16 +97,6 @@ class Chart(NamedTuple):
             self.figure.savefig(buffer, format=form, metadata={stamp: None}, **how)
         return buffer.getvalue()
 
-    def drawn_png(self) -> bytes:
-        """Return it as a PNG."""
-        return self.drawn("png")
-
-
-def shown_in_notebooks(figure: "Figure") -> "Figure":
-    """Return a figure that a notebook shows as the value of a cell, whatever its backend."""
-    vars(figure)["_repr_png_"] = Chart("", "", "", figure).drawn_png
-    return figure
-
 
 def canvas(width: float = 4.8, height: float = 3.2) -> "Axes":
     """Return the axes of an empty figure, inches."""
