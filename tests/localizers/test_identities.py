@@ -111,6 +111,14 @@ def test_a_method_that_is_given_no_beta_has_that_of_the_robot(robot, prior, driv
     assert not same(run(0.7), run(10.0))
 
 
+def test_all_methods_start_from_the_same_cloud(robot, prior):
+    clouds = [
+        localizers.make(name, robot, particles=60).reset(prior, [], np.random.default_rng(3))
+        for name in ("mcl", "mcl-map", "mcl-smoother", "deq-mcl")
+    ]
+    assert all(same([cloud], [clouds[0]]) for cloud in clouds)
+
+
 M = 0.02  # to the px
 STEPS = 48
 # float32 weights differ by 1e-6: means are CLOSE until resampling takes another particle, before
