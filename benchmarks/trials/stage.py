@@ -255,8 +255,8 @@ def _reason(error: BaseException, localizer: str) -> str:
     place = split(localizer)[0]
     if localizer in {**LOCALIZER.added, **LOCALIZER.received}:
         factory: Any = LOCALIZER.resolve(localizer)
-        method = getattr(factory, "update", factory)
-        place = getattr(method, "__code__", _reason.__code__).co_filename
+        codes = (getattr(part, "__code__", None) for part in (factory, *vars(factory).values()))
+        place = next((code.co_filename for code in codes if code is not None), "")
     elif not is_path(place):
         place = ""
     return raised(error, place) if place and not isinstance(error, InputError) else reason_of(error)
