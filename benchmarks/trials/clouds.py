@@ -26,6 +26,7 @@ Scalar = Any  # a float64 inside a kernel
 # Particles whose mutual distances stand for those of the whole cloud in the energy score. Points of
 # one weight may be a designed set, of which some are no sample: of up to so many, all pairs count.
 PAIRED, DESIGNED = 128, 512
+_FAR_OFF = 1e15  # |x| and |y| of a pose that is far beyond any map
 
 
 @compiled
@@ -39,10 +40,10 @@ def measure(
     fully: bool,
     out: Floats,
 ) -> None:
-    """Fill in a row of each cloud, (k, 15): moments; if ``fully``, scores; Σ w, how many w < 0.
+    """Fill in a row of each cloud, (k, 15): moments; if ``fully``, scores; Σ w, unsound points.
 
-    Moments and scores are those of ``belief_scores``; ``floor`` is added to the variances of x, y,
-    θ, (3,).
+    Unsound are points of negative weight, and poses that are not finite or huge. Moments and scores
+    are those of ``belief_scores``; ``floor`` is added to the variances of x, y, θ, (3,).
     """
     start = 0
     for k in range(ends.size):
@@ -82,16 +83,18 @@ def _measure(
         total += weights[i]
         near += off[i]
         beyond += weights[i] if square[i] > most else 0.0
-    vx, vy, vc, vs, below = 0.0, 0.0, 0.0, 0.0, 0
+    vx, vy, vc, vs, unsound = 0.0, 0.0, 0.0, 0.0, 0
     for i in range(n):
         vx += weights[i] * (x[i] - mx) * (x[i] - mx)
         vy += weights[i] * (y[i] - my) * (y[i] - my)
         vc += weights[i] * (c[i] - mc) * (c[i] - mc)
         vs += weights[i] * (s[i] - ms) * (s[i] - ms)
-        below += weights[i] < 0.0
+    for i in range(n):
+        near_by = (abs(x[i]) <= _FAR_OFF) & (abs(y[i]) <= _FAR_OFF) & (abs(heading[i]) <= FARTHEST)
+        unsound += not (near_by & (weights[i] >= 0.0))
     out[0], out[1], out[2], out[3] = mx, my, mc, ms
     out[4], out[5], out[6], out[7] = vx, vy, vc, vs
-    out[8], out[12], out[13], out[14] = near, beyond, total, below
+    out[8], out[12], out[13], out[14] = near, beyond, total, unsound
     if n == 1:
         out[4:8], out[9:12] = math.nan, math.nan
     elif fully:
@@ -199,7 +202,6 @@ def steps_back(poses: Reals, moves: Floats, ends: Ints, out: Singles) -> None:
 
 
 _EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
-_LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far beyond any map
 
 
 # of ``measured``, beside the moments: (k,) each, NaN not available
@@ -328,15 +330,17 @@ def measured(clouds: Clouds, task: Surroundings) -> Floats:
     steps_back(clouds.poses, clouds.moves, clouds.ends, before)
     in_walls = ~floor_plan.free(poses, task.radius)
     through = floor_plan.collides(before.T, poses, task.radius)
-    return np.column_stack([rows, _weight_of(in_walls, clouds), _weight_of(through, clouds)])
+    return np.hstack([rows, _weights_of(np.concatenate([in_walls, through]), clouds).T])
 
 
-def _weight_of(chosen: Bools, clouds: Clouds) -> Floats:
-    """Weight of the poses of each cloud that are chosen, (k,)."""
-    those = np.flatnonzero(chosen)
-    begins = np.searchsorted(those, [0, *clouds.ends[:-1]])
-    padded = np.insert(clouds.weights[those], begins, 0.0)  # each sum begins with 0: none is empty
-    return np.asarray(np.add.reduceat(padded, begins + np.arange(begins.size)))
+def _weights_of(chosen: Bools, clouds: Clouds) -> Floats:
+    """Weight of the poses of each cloud that are chosen, for m choices of all poses, (m, k)."""
+    those, n = np.flatnonzero(chosen), clouds.weights.size
+    starts = np.concatenate([[0], clouds.ends[:-1]])
+    begins = np.searchsorted(those, np.concatenate([starts + k for k in range(0, chosen.size, n)]))
+    # each sum begins with 0: none is empty
+    padded = np.insert(clouds.weights[those % n], begins, 0.0)
+    return np.add.reduceat(padded, begins + np.arange(begins.size)).reshape(-1, starts.size)
 
 
 def _measured(clouds: Clouds, unit: str, far: float, *, fully: bool) -> Floats:
@@ -344,15 +348,12 @@ def _measured(clouds: Clouds, unit: str, far: float, *, fully: bool) -> Floats:
     poses, weights, ends = clouds.poses, clouds.weights, clouds.ends
     out = np.empty((len(clouds.each), 15))
     measure(poses, weights, ends, clouds.truth, covariance_floor(unit), far, fully, out)
-    total, below = out[:, 13], out[:, 14]
-    starts = np.concatenate([[0], ends[:-1]])
-    largest = np.maximum.reduceat(np.abs(poses), starts, axis=1).T  # NaN if one is
-    sound = (np.abs(total - 1) <= SUM_TOLERANCE) & (below == 0)
-    sound &= (largest <= _LARGEST).all(axis=1)
+    total, unsound = out[:, 13], out[:, 14]
+    sound = (np.abs(total - 1) <= SUM_TOLERANCE) & (unsound == 0)
     if not sound.all():
         raise _unsound(clouds.each[int(np.argmin(sound))])
     if (np.abs(total - 1) > _EXACT).any():  # NumPy's sums are good to 1e-13
-        weights[:] /= np.repeat(total, ends - starts)
+        weights[:] /= np.repeat(total, np.diff(ends, prepend=0))
         return _measured(clouds, unit, far, fully=fully)
     return out
 
