@@ -31,7 +31,7 @@ LIMITS = {  # the most files that each may enter
 }
 MOST_CALLS = 16_900  # of functions of ours, in a trial of mcl
 MOST_FILES = 160  # of source
-MOST_LINES = {"source": 38_880, "tests": 25_850}
+MOST_LINES = {"source": 38_880, "tests": 25_860}
 
 COMMANDS = {
     "deqmcl paper": "paper --trials 1 --jobs 1 --localizers mcl --out {out}",

@@ -253,12 +253,12 @@ def run_replay(
     residuals: bool = False,
     paged: bool = True,
 ) -> ReplayResults:
-    """Run what is missing, write the folder, with a page if ``paged``, and return all of it.
+    """Run what is missing, write the folder, with pictures if ``paged``, and return all of it.
 
     A folder that holds what is not of this sweep is refused; if a run failed, what the others gave
     is written all the same.
     """
-    replay, sweep, drawn = plan.replay, plan.sweep, no_report() is None
+    replay, sweep, drawn = plan.replay, plan.sweep, paged and no_report() is None
     with begun(sweep, out, options, command=command) as running:
         shown = [
             *plan.warnings,
@@ -283,7 +283,7 @@ def run_replay(
                 **_tracks(replay, runs),
                 **({} if wrong is None else wrong.files(drawn=drawn)),
             }
-            if drawn and paged and results.panels:
+            if drawn and results.panels:
                 page = page_files(
                     results,
                     Path(),

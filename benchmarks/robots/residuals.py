@@ -28,6 +28,7 @@ from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Indices, Reals
+from deqmcl_gym.validation import amount
 
 HIT, THROUGH = "hit in free space", "seen through"
 HEADING = "Where is the map wrong?"
@@ -148,7 +149,7 @@ class Residuals:
         kinds = [place.kind for place in self.places]
         hit = kinds.count(HIT)
         return (
-            f"Where the map is wrong: {hit} {'place' if hit == 1 else 'places'} {HIT}, "
+            f"Where the map is wrong: {amount(hit, 'place')} {HIT}, "
             f"{kinds.count(THROUGH)} {THROUGH}, by {int(self.used.sum()):,} of "
             f"{len(self.used):,} scans of {self.whose}, the run whose scans agree best with the "
             f"map. {self.spread}"

@@ -43,7 +43,7 @@ from benchmarks.tables.panels import trial_words
 from benchmarks.trials.scoring import SCORE_NAMES, TrialRecord
 from benchmarks.trials.spec import Provenance, Trial, environment
 from benchmarks.trials.stage import Outcome, check_trials, provenance_of
-from deqmcl_gym.validation import InputError, one_line, shown
+from deqmcl_gym.validation import InputError, amount, one_line, shown
 
 MINUTE = 60.0  # s between two lines about the progress, where there is no terminal
 _LINE = "{desc}: {n_fmt} of {total_fmt} done after {elapsed}, {remaining} left{postfix}"
@@ -170,7 +170,7 @@ def counted(
                 print(f"deqmcl: {bar}", file=sys.stderr, flush=True)
 
         if lines:
-            running = f"{name}: running {waiting:,} trial{'s' * (waiting != 1)}"
+            running = f"{name}: running {amount(waiting, 'trial')}"
             with doing(running), beside(tell):
                 yield count
         else:
@@ -241,7 +241,7 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
     s = total / jobs
     needed = f"{s:.0f} s" if s < 90 else f"{s / 60:.0f} min" if s < 5400 else f"{s / 3600:.1f} h"
     lines.append(
-        f"{'At most about' if most else 'About'} {needed} with {jobs} job{'s' * (jobs > 1)}: "
+        f"{'At most about' if most else 'About'} {needed} with {amount(jobs, 'job')}: "
         "estimated from one measured trial of each localizer in each scenario, by its time per "
         "particle. Nothing was written."
     )

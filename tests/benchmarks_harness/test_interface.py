@@ -66,6 +66,7 @@ def test_what_was_varied_is_a_column_and_a_line_over_it(results):
         np.testing.assert_array_equal(y, rows["error"])
     with refused("there is no column 'lidar.sigma' of numbers: it has"):
         results.plot("lidar.sigma")
+    assert results.plot("particles", "position_rmse")._repr_png_().startswith(b"\x89PNG")
 
 
 def test_in_jupyter_results_are_a_verdict_and_a_table_of_what_varies(results):
@@ -128,6 +129,7 @@ def test_an_experiment_keeps_its_classes_and_registers_nothing():
     )
     errors = [one.run(jobs=1, progress=False).table["error"][1] for one in (first, second, first)]
     assert errors[0] == errors[2] != errors[1]
+    assert repr(first) == '<Experiment "The paper\'s experiment": 4 trials of mcl, Placed>'
     assert set(localizers.names()) == there
 
 

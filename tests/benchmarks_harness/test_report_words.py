@@ -21,6 +21,7 @@ from report_cases import (
 from benchmarks.report import tables
 from benchmarks.report.verdict import conclusion, verdict_on
 from benchmarks.tables.panels import panels
+from benchmarks.tables.text import file_words
 from benchmarks.trials.scoring import RecordedTrack
 
 ONE = (0,)
@@ -186,6 +187,7 @@ def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
         return [panel.title for panel in panels(records)]
 
     assert titles("/far/hall.toml", "/far/own.py:Room") == ["scenario hall", "scenario Room"]
+    assert file_words(["a b", "a-b-1"]) == ["a-b-2", "a-b-1"]  # no file of another
     assert titles("/a/hall.toml", "/b/hall.toml") == [
         "scenario a/hall.toml", "scenario b/hall.toml",
     ]  # fmt: skip

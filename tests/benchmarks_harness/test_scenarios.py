@@ -14,6 +14,7 @@ from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import Named
 from benchmarks.setup.priors import Places
 from benchmarks.setup.scenario import Thresholds
+from benchmarks.sweeps.sweepfile import sweep_named
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, key_of
 from deqmcl_gym import Driver
@@ -194,6 +195,7 @@ def test_a_scenario_file_changes_its_base_and_lengths_are_in_the_unit_of_its_map
     assert ours.thresholds == Thresholds(far=0.02 * 50, lost=2.0)
     assert ours.room().world.robot.radius == 0.02 * base.world.robot.radius
     assert make_agent(ours.agent, ours.robot_model(ours.room())).robot.lidar.beams == 5
+    assert (sweep_named(str(room)).scenario, sweep_named(str(room)).title) == (str(room), "room")
     another = ours.changed(assumed={"scan.kind": "beam-model"}).scan
     assert another == BeamModel(sigma=0.02 * 100, decay=0.01 / 0.02)
 

@@ -86,6 +86,10 @@ def test_score_tells_of_an_estimate_that_is_late(rounds, here, capsys):
         assert exit_code("score", "slam.tum", "--reference", "lap.tum", *by, "--out", "s") == 0
         told = re.search(r"Warning: slam seems ([\d.]+) s .* late", capsys.readouterr().err)
         assert float(told[1]) == pytest.approx(0.5, abs=0.02)
+        assert "covers" not in told.string
+    logs.Trajectory(rounds[1].times[:50], rounds[1].reference[:50]).write("part.tum")
+    assert exit_code("score", "part.tum", "--reference", "lap.tum", "--out", "p") == 0
+    assert "% of the reference's time" in capsys.readouterr().err
 
 
 GONE, NEW = (slice(28, 40), slice(54, 60)), (slice(40, 46), slice(66, 72))  # cells of the hall
