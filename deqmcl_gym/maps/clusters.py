@@ -26,11 +26,8 @@ def mean_pose(poses: Reals, weights: Floats) -> tuple[float, float, float]:
     """Weighted mean of poses (n, 3), the heading as the direction of the mean (cos θ, sin θ)."""
     x, y, heading = np.asarray(poses, dtype=np.float64).T
     sine, cosine = (weights * arrays.sin(heading)).sum(), (weights * arrays.cos(heading)).sum()
-    return (
-        float((weights * x).sum()),
-        float((weights * y).sum()),
-        float(arrays.arctan2(sine, cosine)),
-    )
+    direction = float(arrays.arctan2(sine, cosine))
+    return float((weights * x).sum()), float((weights * y).sum()), direction
 
 
 class Near(NamedTuple):

@@ -84,22 +84,14 @@ def wind(poses: Reals, walls: Reals, out: Ints) -> None:
 def square_gaps(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
     """Fill in the squared distance of each path to the nearest wall, (n,); 0 if they cross."""
     n = starts.shape[1]
-    ax = np.zeros(LANES, np.float32)
-    ay = np.zeros(LANES, np.float32)
-    dx = np.zeros(LANES, np.float32)
-    dy = np.zeros(LANES, np.float32)
-    inverse = np.zeros(LANES, np.float32)
-    best = np.empty(LANES, np.float32)
+    ax, ay = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
+    dx, dy = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
+    inverse, best = np.zeros(LANES, np.float32), np.empty(LANES, np.float32)
     for start in range(0, n, LANES):
         count = min(LANES, n - start)
-        from_x, from_y = starts[0, start : start + count], starts[1, start : start + count]
-        to_x, to_y = ends[0, start : start + count], ends[1, start : start + count]
-        for i in range(count):
-            ax[i] = from_x[i]
-            ay[i] = from_y[i]
-        for i in range(count):
-            dx[i] = to_x[i] - from_x[i]
-            dy[i] = to_y[i] - from_y[i]
+        here, there = starts[:, start : start + count], ends[:, start : start + count]
+        ax[:count], ay[:count] = here[0], here[1]
+        dx[:count], dy[:count] = there[0] - here[0], there[1] - here[1]
         for i in range(LANES):
             square = dx[i] * dx[i] + dy[i] * dy[i]
             inverse[i] = _ONE / square if square > _ZERO else _ZERO
@@ -169,15 +161,6 @@ def directed(poses: Singles, out: Singles) -> None:
     """Fill in rows x, y, cos θ, sin θ, (4, n), of poses (3, n)."""
     out[:2] = poses[:2]
     sincos32(poses[2], out[3], out[2])
-
-
-@compiled
-def lay_path(poses: Singles, path: Singles, out: Singles) -> None:
-    """Fill in the points (k, 2, n) of a path, (k, 2) in the frame of each pose it begins at."""
-    rows = np.empty((4, poses.shape[1]), np.float32)
-    directed(poses, rows)
-    for k in range(len(path)):
-        put(rows, path[k], out[k])
 
 
 @compiled
@@ -267,15 +250,6 @@ def feasible(
 
 
 @compiled
-def copy_columns(rows: Singles, first: int, out: Singles) -> None:
-    """Fill in the columns from ``first`` on of rows that are contiguous, (3, n)."""
-    for row in range(3):
-        source, target = rows[row, first : first + out.shape[1]], out[row]
-        for i in range(target.size):
-            target[i] = source[i]
-
-
-@compiled
 def roll_out(
     poses: Singles,
     moves: Singles,
@@ -309,7 +283,7 @@ def roll_out(
         here, there = np.empty((3, size), np.float32), np.empty((3, size), np.float32)
         near, next_near = np.empty(size, np.float32), np.empty(size, np.float32)
         rows = np.empty((4, size if along else 0), np.float32)
-        copy_columns(poses, start, here)
+        here[:] = poses[:, start : start + size]
         if along:
             directed(here, rows)
             put(rows, path[0], here)
@@ -318,7 +292,7 @@ def roll_out(
             if along:
                 put(rows, path[step + 1], there)
             else:
-                copy_columns(moves[step], start, move)
+                move[:] = moves[step, :, start : start + size]
                 drive(here, move, there)
             look_up(there, grid, squares[:size], next_near)
             count = _undecided(here, there, near, next_near, radius, slack, touched, chosen)
@@ -328,11 +302,7 @@ def roll_out(
                 _look_closely(late, owners, unsure, walls, radius, hits)
                 unsure = 0
             if len(out) > 1 or (step == steps - 1 and len(out) > 0):
-                reached = out[step if len(out) > 1 else 0]
-                for row in range(3):
-                    at = reached[row, start : start + size]
-                    for i in range(size):
-                        at[i] = there[row, i]
+                out[step if len(out) > 1 else 0, :, start : start + size] = there
             here, there, near, next_near = there, here, next_near, near
     _look_closely(late, owners, unsure, walls, radius, hits)
 
@@ -372,10 +342,7 @@ def clearance_of(walls: Singles) -> Clearance:
 
 
 def to_nearest(marked: Bools) -> Singles:
-    """Distance of each cell's centre to that of the nearest marked cell, in cells; inf if none is.
-
-    Exact up to float32.
-    """
+    """Exact distance of each cell's centre to the nearest marked one's, in cells; inf: none is."""
     import cv2  # only here: neither maps nor localizers need it to be loaded
 
     if not marked.any():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.files import as_number, content_of, refusing, write_bytes, yaml_of
 from deqmcl_gym.numerics import Floats, T
-from deqmcl_gym.validation import InputError, number, one_of, pose
+from deqmcl_gym.validation import InputError, number, one_of
 
 Occupancy = NDArray[np.int8]
 
@@ -70,12 +70,9 @@ def write_map(
     *,
     resolution: float,
     origin: tuple[float, float, float],
-    thresholds: tuple[float, float],
+    thresholds: tuple[float, float],  # of free and of occupied cells
 ) -> None:
-    """Write a yaml file of mode "trinary" with the usual thresholds, and a pgm of its name.
-
-    ``thresholds`` say which cells are free and which occupied.
-    """
+    """Write a yaml file of mode "trinary" with the usual thresholds, and a pgm of its name."""
     import yaml
 
     yaml_path = _path(path)
@@ -130,13 +127,12 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(origin, list) or len(origin) != 3:
         raise InputError(f"origin is {origin!r}, but must be [x, y, yaw].")
     numbers = {k: as_number(given[k]) for k in ("resolution", "occupied_thresh", "free_thresh")}
-    number("resolution", numbers["resolution"], low=0, above=True)
     check_thresholds(numbers["free_thresh"], numbers["occupied_thresh"])
     return {
         "image": given["image"],
         "mode": one_of("mode", given.get("mode", "trinary"), MODES),
         "negate": bool(negate),
-        "origin": pose("origin", [as_number(part) for part in origin]),
+        "origin": [as_number(part) for part in origin],
         **numbers,
     }
 
@@ -193,7 +189,6 @@ def _opened(path: Path) -> Any:
 def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: float) -> Occupancy:
     """Return the values that map_server gives pixels, in the rows of the image."""
     channels = shades.shape[2]
-    opaque = shades[:, :, -1] == 1 if channels == 4 else np.True_
     # in this mode, map_server counts alpha as a colour
     colours = channels if mode == "trinary" else min(channels, 3)
     shade = shades[:, :, :colours].mean(axis=2)
@@ -201,11 +196,10 @@ def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: f
         value = np.rint(255 * shade)
         return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)
     share = shade if negate else 1 - shade
-    between = np.full(share.shape, float(UNKNOWN))
+    between: Any = UNKNOWN
     if mode == "scale":
-        scaled = np.rint((share - free) / (occupied - free) * OCCUPIED)
-        between = np.where(opaque, scaled, UNKNOWN)
+        between = np.rint((share - free) / (occupied - free) * OCCUPIED)
     cells = np.where(share > occupied, OCCUPIED, np.where(share < free, FREE, between))
-    if mode == "scale":
-        cells = np.where(opaque, cells, UNKNOWN)
+    if mode == "scale" and channels == 4:
+        cells[shades[:, :, -1] < 1] = UNKNOWN
     return cells.astype(np.int8)

@@ -3,40 +3,28 @@
 Positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. All but ``distances``
 use one table, the *reach* of each cell: the number of cells, along an axis or a diagonal, to the
 nearest solid one; 0 is solid. The table has a ring of solid cells around the map, so that no ray
-leaves it, and all cells nearer than the reach of an open one are open too. ``frame`` is a
-:class:`Frame`, as a plain tuple: numba takes it faster. All else is as in ``drive_kernels``, but
-that poses and points may be float64.
+leaves it, and all cells nearer than the reach of an open one are open too. A ``frame`` has x and y
+of the lower left corner of the map's first cell, cosine and sine of its yaw, and the edge of a
+cell. All else is as in ``drive_kernels``, but that poses and points may be float64.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.maps.drive_kernels import POSE_BLOCK, copy_columns, directed, drive, put
-from deqmcl_gym.maps.ray_kernels import FARTHEST_CELL, Reach, cast_among
+from deqmcl_gym.maps.drive_kernels import POSE_BLOCK, directed, drive, put
+from deqmcl_gym.maps.ray_kernels import FARTHEST_CELL, Reach, cast_among, inverse
 from deqmcl_gym.numerics import Bools, Floats, Ints, Scalar, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32
 
-CellRuns = NDArray[np.int16]
-_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
-_TINY = np.float32(1e-12)
-_NAN = np.float32(np.nan)
-
-
-class Frame(NamedTuple):
-    """The transform from the map's unit to cells of its table."""
-
-    x: float  # of the lower left corner of the map's first cell
-    y: float
-    cosine: float  # of the map's yaw
-    sine: float
-    cell: float  # edge of a cell
+Counts = NDArray[np.int16]  # of cells
+_ZERO, _NAN = np.float32(0.0), np.float32(np.nan)
 
 
 @compiled
-def fill_runs(reach: Reach, up: CellRuns, down: CellRuns) -> None:
+def fill_runs(reach: Reach, up: Counts, down: Counts) -> None:
     """Fill in the number of cells up and down to the next one of the other kind, solid or open.
 
     The ring is of neither kind.
@@ -67,13 +55,6 @@ def on_map(u: Scalar, v: Scalar, reach: Reach) -> Scalar:
     """Whether a point in cells of the table is on the map."""
     rows, columns = reach.shape
     return (u >= 1) & (u < columns - 1) & (v >= 1) & (v < rows - 1)  # all false for NaN
-
-
-@compiled
-def open_at(us: Floats, vs: Floats, reach: Reach, out: Bools) -> None:
-    """Fill in whether points in cells lie in open ones."""
-    for i in range(out.size):
-        out[i] = on_map(us[i], vs[i], reach) and reach[int(vs[i]), int(us[i])] > 0
 
 
 @compiled
@@ -111,8 +92,7 @@ def _from_within(x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, reach: Reach) -> 
     rows, columns = reach.shape
     if not on_map(x, y, reach):
         return _NAN
-    per_dx = _ONE / (dx if abs(dx) > _TINY else _TINY)
-    per_dy = _ONE / (dy if abs(dy) > _TINY else _TINY)
+    per_dx, per_dy = inverse(dx), inverse(dy)
     right, up = (1 if per_dx > _ZERO else -1), (1 if per_dy > _ZERO else -1)
     column, row, t = int(x), int(y), _ZERO
     while reach[row, column] == 0 and 0 < column < columns - 1 and 0 < row < rows - 1:
@@ -127,7 +107,7 @@ def _from_within(x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, reach: Reach) -> 
 
 @compiled
 def distances(
-    points: Any, reach: Reach, up: CellRuns, down: CellRuns, frame: tuple[float, ...], out: Singles
+    points: Any, reach: Reach, up: Counts, down: Counts, frame: tuple[float, ...], out: Singles
 ) -> None:
     """Fill in the distance of points (2+, n) to the nearest face between open and solid cells.
 
@@ -148,7 +128,7 @@ def distances(
 
 
 @compiled
-def _nearest(u: float, v: float, reach: Reach, up: CellRuns, down: CellRuns) -> float:
+def _nearest(u: float, v: float, reach: Reach, up: Counts, down: Counts) -> float:
     """Return the squared distance of a point on the map to the nearest face, in cells."""
     row, middle = int(v), int(u)
     columns, solid, above = reach.shape[1], reach[row, middle] == 0, v - row
@@ -168,7 +148,6 @@ def _nearest(u: float, v: float, reach: Reach, up: CellRuns, down: CellRuns) -> 
     return best
 
 
-Reached = NDArray[np.int16]
 _ROUNDING = 1e-9  # cells, far above errors of float64
 _DIAGONAL = np.sqrt(2.0) + 1e-4  # of a cell, and more
 
@@ -181,8 +160,8 @@ def feasible_in_cells(
     n = out.size
     here, there = np.empty((2, n)), np.empty((2, n))
     near, next_near = np.empty(n, np.int16), np.empty(n, np.int16)
-    _find(starts, reach, frame, here[0], here[1], near)
-    _find(ends, reach, frame, there[0], there[1], next_near)
+    find(starts, reach, frame, here[0], here[1], near)
+    find(ends, reach, frame, there[0], there[1], next_near)
     hits = np.zeros(n, np.int32)
     _count(here, near, there, next_near, radius / frame[4], reach, hits)
     for i in range(n):
@@ -211,18 +190,18 @@ def roll_out_in_cells(
         here, there, move = np.empty((2, count)), np.empty((2, count)), np.empty_like(before)
         rows = np.empty((4, count if along else 0), np.float32)
         near, next_near = np.empty(count, np.int16), np.empty(count, np.int16)
-        copy_columns(poses, start, before)
+        before[:] = poses[:, start:end]
         if along:
             directed(before, rows)
             put(rows, path[0], before)
-        _find(before, reach, frame, here[0], here[1], near)
+        find(before, reach, frame, here[0], here[1], near)
         for step in range(steps):
             if along:
                 put(rows, path[step + 1], after)
             else:
-                copy_columns(moves[step], start, move)
+                move[:] = moves[step, :, start:end]
                 drive(before, move, after)
-            _find(after, reach, frame, there[0], there[1], next_near)
+            find(after, reach, frame, there[0], there[1], next_near)
             _count(here, near, there, next_near, size, reach, hits[start:end])
             if len(out) > 1 or (step == steps - 1 and len(out) > 0):
                 out[step if len(out) > 1 else 0, :, start:end] = after
@@ -231,7 +210,7 @@ def roll_out_in_cells(
 
 
 @compiled
-def _find(points: Any, reach: Reach, frame: Any, us: Floats, vs: Floats, out: Reached) -> None:
+def find(points: Any, reach: Reach, frame: Any, us: Floats, vs: Floats, out: Counts) -> None:
     """Fill in points in cells, and the reach of their cells: that of the ring, 0, off the map."""
     locate(points, frame, us, vs)
     rows, columns = reach.shape
@@ -251,9 +230,9 @@ def _find(points: Any, reach: Reach, frame: Any, us: Floats, vs: Floats, out: Re
 @compiled
 def _count(
     here: Floats,
-    near: Reached,
+    near: Counts,
     there: Floats,
-    next_near: Reached,
+    next_near: Counts,
     size: float,
     reach: Reach,
     hits: Ints,

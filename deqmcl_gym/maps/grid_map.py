@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import grid_file, grid_kernels, ray_kernels
 from deqmcl_gym.maps.grid_file import FREE, MAX_SIDE, OCCUPIED, UNKNOWN
-from deqmcl_gym.maps.grid_kernels import Frame
 from deqmcl_gym.maps.map import Box, Map
 from deqmcl_gym.maps.ray_kernels import Reach
 from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Singles, arrays
@@ -59,7 +58,14 @@ class GridMap(Map):
             names = " nor ".join(f'"{word}"' for word in _SHARES)
             number(f"unknown, if it is neither {names},", self.unknown, low=0, high=1)
         keep_plain(self)
-        self._check_resolved()
+        farthest = max(map(abs, self.bounds))
+        step = float(np.spacing(np.float32(farthest)))
+        if not step * _RESOLVED <= self.resolution:
+            raise InputError(
+                f"the map reaches {farthest:g} m from (0, 0), where single precision tells apart "
+                f"{step:g} m, too coarse for cells of {self.resolution:g} m: give an origin nearer "
+                "to (0, 0), and poses as far from it."
+            )
         if self.solid.all():
             counts = [int((self.occupancy == kind).sum()) for kind in (OCCUPIED, UNKNOWN)]
             raise InputError(
@@ -186,10 +192,9 @@ class GridMap(Map):
 
     def _open(self, centres: NDArray[Any]) -> Bools:
         us, vs = np.empty((2, centres.shape[1]))
-        grid_kernels.locate(centres, self._frame, us, vs)
-        free = np.empty(us.size, np.bool_)
-        grid_kernels.open_at(us, vs, self._reach, free)
-        return free
+        reached = np.empty(us.size, np.int16)
+        grid_kernels.find(centres, self._reach, self._frame, us, vs, reached)
+        return reached > 0
 
     def _driven(
         self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
@@ -205,21 +210,11 @@ class GridMap(Map):
         grid_kernels.feasible_in_cells(starts, ends, self._reach, self._frame, float(radius), clear)
         return clear
 
-    def _check_resolved(self) -> None:
-        farthest = max(map(abs, self.bounds))
-        step = float(np.spacing(np.float32(farthest)))
-        if not step * _RESOLVED <= self.resolution:
-            raise InputError(
-                f"the map reaches {farthest:g} m from (0, 0), where single precision tells apart "
-                f"{step:g} m, too coarse for cells of {self.resolution:g} m: give an origin nearer "
-                "to (0, 0), and poses as far from it."
-            )
-
     @cached_property
     def _frame(self) -> tuple[float, ...]:
         x, y, yaw = self.origin
         cosine, sine = float(arrays.cos([yaw])[0]), float(arrays.sin([yaw])[0])
-        return tuple(Frame(x, y, cosine, sine, float(self.resolution)))
+        return x, y, cosine, sine, float(self.resolution)
 
     @cached_property
     def _reach(self) -> Reach:
@@ -250,10 +245,8 @@ class GridMap(Map):
 
 def _paint(cells: NDArray[np.int8], us: Floats, vs: Floats, value: int) -> None:
     """Paint the cells inside a convex polygon, (c,) each, in cells from the lower left corner."""
-    (u0, v0), (u1, v1) = (
-        (max(0, math.floor(end)) for end in ends)
-        for ends in ((us.min(), vs.min()), (us.max() + 1, vs.max() + 1))
-    )
+    u0, v0 = (max(0, math.floor(axis.min())) for axis in (us, vs))
+    u1, v1 = (max(0, math.floor(axis.max() + 1)) for axis in (us, vs))
     part = cells[v0:v1, u0:u1]
     if not part.size:
         return

@@ -42,8 +42,8 @@ class Mount:
 
     def __post_init__(self) -> None:
         keep_plain(self)
-        number("x of a mount", self.x, low=-math.inf)
-        number("y of a mount", self.y, low=-math.inf)
+        number("x of a mount", self.x)
+        number("y of a mount", self.y)
         number("heading of a mount", self.heading, low=-_TURN, high=_TURN)
         object.__setattr__(self, "upside_down", boolean("upside_down", self.upside_down))
         if self.beams is not None:
@@ -176,10 +176,7 @@ class Lidar:
         return self.min_range > 0 or bool(self.blind.any())
 
     def lose(self, ranges: NDArray[Any], blind: float = math.inf) -> None:
-        """Overwrite readings (..., beams) that are no measurements, in place.
-
-        Those in blind sectors by ``blind``, those below ``min_range`` by +inf.
-        """
+        """Overwrite readings (..., beams), blind ones by ``blind``, below ``min_range`` by +inf."""
         if self.loses:
             ranges[..., self.blind] = blind
             ranges[ranges < np.float32(self.min_range)] = np.inf
@@ -194,7 +191,10 @@ class Lidar:
         fans, end = [], 0
         for place, rows in zip(self.places, self.rows, strict=True):
             size = rows.stop - rows.start if used is None else int(np.count_nonzero(used[rows]))
-            starts = poses if place == CENTRE else _moved(poses, place)
+            starts = poses
+            if place != CENTRE:
+                starts = np.empty(poses.shape, np.float32)
+                mounted(np.ascontiguousarray(poses, np.float32), *place, starts)
             fans.append((starts, slice(end, end + size)))
             end += size
         return fans
@@ -251,9 +251,3 @@ def _fan(beams: int, field_of_view: float) -> Floats:
     half = field_of_view / 2
     full_circle = field_of_view > _TURN - 1e-9
     return np.linspace(-half, half, beams, endpoint=not full_circle)
-
-
-def _moved(poses: NDArray[Any], place: Point) -> NDArray[Any]:
-    out = np.empty(poses.shape, np.float32)
-    mounted(np.ascontiguousarray(poses, np.float32), *place, out)
-    return out

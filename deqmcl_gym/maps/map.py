@@ -16,15 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps.drive_kernels import drive, lay_path
+from deqmcl_gym.maps.drive_kernels import directed, drive, put
 from deqmcl_gym.numerics import Bools, Floats, Ints, Singles, T
 from deqmcl_gym.validation import InputError, number, one_of, real
 
 _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
-
-
 PIXELS: Mapping[str, float] = MappingProxyType({"px": 1.0, "m": 0.02})
 
 # metadata of dataclass fields that are lengths, or numbers per length
@@ -77,9 +75,6 @@ def table(what: str, rows: ArrayLike, columns: int) -> NDArray[Any]:
             f"{what} have shape {given.shape}, but must have shape (n, {columns}): a row for each."
         )
     return given
-
-
-_NO_MOVES, _NO_PATH = np.empty((0, 3, 0), np.float32), np.empty((0, 2), np.float32)
 
 
 Caster = Callable[[Singles, Singles, Singles], None]  # of poses, bearings and out: ``Map.cast``
@@ -176,7 +171,7 @@ class Map:
                 f"poses have shape {poses.shape}, moves {moves.shape} and kept is {kept}, but they "
                 "must be (3, n), (F, 3, n) with F ≥ 1, and 1 or F."
             )
-        return self._driven(poses, moves, _NO_PATH, radius, kept)
+        return self._driven(poses, moves, np.empty((0, 2), np.float32), radius, kept)
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """Number of steps that collide on a path laid from each pose, (n,).
@@ -189,7 +184,7 @@ class Map:
                 f"poses have shape {poses.shape} and the path {path.shape}, but they must be "
                 "(3, n) and (k + 1, 2) with k ≥ 1."
             )
-        return self._driven(poses, _NO_MOVES, path, radius, 0)[1]
+        return self._driven(poses, np.empty((0, 3, 0), np.float32), path, radius, 0)[1]
 
     def _points(self, what: str, points: ArrayLike) -> NDArray[Any]:
         """Return points (n, 2+) as rows x, y."""
@@ -211,8 +206,11 @@ class Map:
         self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
     ) -> tuple[Singles, Ints]:
         """Do ``rolled_out``, or along a path if there is one; ask ``collides`` for each step."""
+        rows = np.empty((4, poses.shape[1]), np.float32)
+        directed(poses, rows)
         laid = np.empty((len(path), 2, poses.shape[1]), np.float32)
-        lay_path(poses, path, laid)
+        for place, out in zip(path, laid, strict=True):
+            put(rows, place, out)
         points = [*laid] or [poses]
         for move in moves:
             points.append(np.empty_like(poses))

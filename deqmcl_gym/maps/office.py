@@ -8,15 +8,7 @@ import numpy as np
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.numerics import Bools
-from deqmcl_gym.validation import (
-    InputError,
-    boolean,
-    digits,
-    integer,
-    keep_plain,
-    number,
-    shown,
-)
+from deqmcl_gym.validation import InputError, boolean, digits, integer, keep_plain, number, shown
 
 CELL = 0.1  # m
 _WALL = 2  # cells
@@ -188,11 +180,8 @@ def _hall(office: Office, depth: int, length: int, rng: np.random.Generator) -> 
 def _stripes(size: int) -> Bools:
     """Rows or columns of a hall in which pillars stand, (size,)."""
     count = (size - _PITCH) // _PITCH
-    stripes = np.zeros(size, dtype=bool)
-    first = (size - (count - 1) * _PITCH - _PILLAR) // 2
-    for start in range(first, first + count * _PITCH, _PITCH):
-        stripes[start : start + _PILLAR] = True
-    return stripes
+    at = np.arange(size) - (size - (count - 1) * _PITCH - _PILLAR) // 2  # from the first one on
+    return (at >= 0) & (at < count * _PITCH) & (at % _PITCH < _PILLAR)
 
 
 def _cells(length: float) -> int:

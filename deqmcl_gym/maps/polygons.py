@@ -31,9 +31,6 @@ _LATTICE = 64  # points a side at which free space is looked for, if there is no
 OVERLAP = 5e-4
 # Below this, lanes over the beams of each pose are faster than lanes over the poses.
 FEW_POSES = 8
-# Rectangles that no ray leaves, and that none enters.
-EVERYWHERE: Box = (-math.inf, -math.inf, math.inf, math.inf)
-NO_BOX: Box = (math.inf, math.inf, math.inf, math.inf)
 KEYS = ("outer", "obstacles", "unit")
 
 
@@ -257,7 +254,7 @@ class PolygonMap(Map):
         polygons = zip((self.outer, *self.obstacles), (room, *inner), strict=True)
         edges = [oriented_edges(polygon, solid=True) for polygon, box in polygons if box is None]
         walls = np.vstack([np.empty((0, 4)), *edges])
-        boxes = np.array([box for box in inner if box is not None] or [NO_BOX], np.float32)
+        boxes = np.array([box for box in inner if box is not None] or [4 * (math.inf,)], np.float32)
         x0, y0, x1, y1 = walls.T
         upright, level, overlap = x0 == x1, y0 == y1, OVERLAP * pixel(self.unit)
         low_x, high_x = np.minimum(x0, x1) - overlap, np.maximum(x0, x1) + overlap
@@ -268,7 +265,7 @@ class PolygonMap(Map):
         return tuple(
             AllWalls(
                 outer=oriented_edges(self.outer, solid=False).astype(np.float32),
-                room=np.array(EVERYWHERE if room is None else room, np.float32),
+                room=np.array(room or (-math.inf, -math.inf, math.inf, math.inf), np.float32),
                 box=boxes[0],
                 boxes=boxes[1:],
                 upright=_singles([x0, low_y, high_y])[upright],

@@ -89,23 +89,16 @@ class AllWalls(NamedTuple):
 
 
 @compiled
-def _enclosed(poses: Singles, outer: Singles) -> Bools:
-    """Which poses (3, n) the outer wall (S, 4) winds around once, (n,)."""
-    windings = np.empty(poses.shape[1], np.int32)
-    wind(poses, outer, windings)
-    enclosed: Bools = windings == 1
-    return enclosed
-
-
-@compiled
 def _inside(poses: Singles, outer: Singles, room: Rectangle) -> Bools:
     """Which poses (3, n) have a finite heading and are inside the outer wall or ``room``."""
     x, y, heading = poses[0], poses[1], poses[2]
     left, low, right, high = room
+    inside = np.empty(x.size, np.bool_)
     if left == -_INF:
-        inside = _enclosed(poses, outer)
+        windings = np.empty(x.size, np.int32)
+        wind(poses, outer, windings)
+        inside[:] = windings == 1
     else:
-        inside = np.empty(x.size, np.bool_)
         for i in range(inside.size):  # points on walls as in ``wind``
             inside[i] = (x[i] >= left) & (x[i] < right) & (y[i] >= low) & (y[i] < high)
     for i in range(inside.size):
@@ -116,15 +109,9 @@ def _inside(poses: Singles, outer: Singles, room: Rectangle) -> Bools:
 @compiled
 def _blind(inside: Bools, out: Singles) -> None:
     """Overwrite by NaN the ranges (B, n) of poses that are not inside, (n,)."""
-    outside = 0
-    for i in range(inside.size):
-        outside += not inside[i]
-    if outside == 0:
-        return
     for i in range(inside.size):
         if not inside[i]:
-            for beam in range(out.shape[0]):
-                out[beam, i] = _NAN
+            out[:, i] = _NAN
 
 
 @compiled
@@ -337,7 +324,7 @@ def cast_among(
         _trace(x[:lane], y[:lane], dx[:lane], dy[:lane], reach, endless, ranges)
         beam, pose = first_beam, first_pose
         for k in range(lane):
-            out[beam, pose] = ranges[k] * side if on[pose] else np.float32(np.nan)
+            out[beam, pose] = ranges[k] * side if on[pose] else _NAN
             pose += 1
             if pose == n:
                 beam, pose = beam + 1, 0
@@ -365,8 +352,7 @@ def _trace(
     t, reached = np.empty(left, np.float32), np.empty(left, np.float32)
     cell, who = np.empty(left, np.int32), np.empty(left, np.int32)
     for i in range(left):
-        per_dx[i] = _ONE / (dx[i] if abs(dx[i]) > _TINY else _TINY)
-        per_dy[i] = _ONE / (dy[i] if abs(dy[i]) > _TINY else _TINY)
+        per_dx[i], per_dy[i] = inverse(dx[i]), inverse(dy[i])
         right[i] = _ONE if per_dx[i] > _ZERO else -_ONE
         up[i] = _ONE if per_dy[i] > _ZERO else -_ONE
         column[i], row[i], t[i] = np.floor(x[i]), np.floor(y[i]), _ZERO
