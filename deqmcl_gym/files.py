@@ -81,14 +81,14 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
 
 
 @contextmanager
-def refusing(named: str | Path, remedy: str = "give another file") -> Iterator[None]:
+def refusing(named: str | Path) -> Iterator[None]:
     """Refuse in a sentence a file that is not there, or that cannot be used."""
     try:
         yield
     except FileNotFoundError:
         raise InputError(f"{named} does not exist: give a file that does.") from None
     except UnreadableError as error:
-        raise InputError(f"{named} {error}: {remedy}.") from None
+        raise InputError(f"{named} {error}: give another file.") from None
 
 
 def content_of(path: Path) -> bytes:
@@ -218,12 +218,6 @@ def opened_log(path: Path) -> Iterator[io.BufferedReader]:
     """Open a regular file that can be read, else refuse it."""
     with refusing(path), opened(path) as file:
         yield file
-
-
-def names_of(paths: Sequence[Path]) -> str:
-    """Return what to call the parts of a log in messages."""
-    first, *others = paths
-    return f"{first} and {len(others)} more" if others else str(first)
 
 
 def numbers_of(words: list[str]) -> list[float]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.files import names_of, opened_log
+from deqmcl_gym.files import opened_log
 from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.logs.odometry import JudgedOdometry
 from deqmcl_gym.logs.transforms import (
@@ -34,7 +34,6 @@ from deqmcl_gym.validation import InputError, like, tell
 SCAN = "sensor_msgs/msg/LaserScan"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _REMEDIES = {".mcap": "mcap recover", ".bag": "rosbag reindex"}
-_REINDEX = "ros2 bag reindex"
 _ESTIMATE = "/amcl_pose"  # of Nav2's AMCL
 
 
@@ -119,8 +118,8 @@ def opened_bag(paths: Sequence[Path]) -> Iterator[Bag]:
         raise InputError(
             'ROS bags need rosbags, which is not installed: pip install "deqmcl-gym[ros]".'
         ) from None
-    name = names_of(paths)
-    at = paths[0]
+    at, *others = paths
+    name = f"{at} and {len(others)} more" if others else str(at)
     try:
         with ExitStack() as stack:
             readers = []
@@ -131,7 +130,7 @@ def opened_bag(paths: Sequence[Path]) -> Iterator[Bag]:
         raise
     except Exception as error:  # rosbags raises what it meets: struct, sqlite3, yaml, assertions
         why = str(error) or type(error).__name__
-        remedy = _REMEDIES.get(at.suffix.lower(), _REINDEX)
+        remedy = _REMEDIES.get(at.suffix.lower(), "ros2 bag reindex")
         raise InputError(
             f"{at} cannot be read as a ROS bag ({why}): if it was cut, or not closed, mend it by "
             f"{remedy}."

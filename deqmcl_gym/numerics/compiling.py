@@ -41,7 +41,7 @@ def _digest(function: Callable[..., Any]) -> str:
     # numba keys its cache by the kernel's own file, but it has in it what that has imported
     file = function.__code__.co_filename
     try:
-        digest = hashlib.sha256(_source(file))
+        digest = hashlib.sha256(Path(file).read_bytes())
     except OSError:
         return ""
     for name, value in sorted(function.__globals__.items()):
@@ -52,11 +52,6 @@ def _digest(function: Callable[..., Any]) -> str:
             content = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
             digest.update(name.encode() + content)
     return digest.hexdigest()[:8]
-
-
-@cache
-def _source(file: str) -> bytes:
-    return Path(file).read_bytes()
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]

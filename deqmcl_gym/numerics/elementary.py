@@ -49,7 +49,6 @@ _ATAN_Q = (
     2.485846490142306297962e1, 1.650270098316988542046e2, 4.328810604912902668951e2,
     4.853903996359136964868e2, 1.945506571482613964425e2,
 )  # fmt: skip
-_PI, _PI_2, _PI_4 = np.pi, np.pi / 2, np.pi / 4
 _MORE = 6.123233995736765886130e-17  # of π/2 beyond its float64
 
 
@@ -194,15 +193,14 @@ def atan2_64(y: Scalar, x: Scalar) -> Scalar:
     for coefficient in _ATAN_Q:
         q = q * z + coefficient
     angle = r + r * z * p / q
-    angle = _PI_4 + (angle + 0.5 * _MORE) if steep else angle
-    angle = _PI_2 - angle if up > right else angle
-    angle = _PI - angle if x < 0.0 else angle
+    angle = np.pi / 4 + (angle + 0.5 * _MORE) if steep else angle
+    angle = np.pi / 2 - angle if up > right else angle
+    angle = np.pi - angle if x < 0.0 else angle
     return -angle if y < 0.0 else angle
 
 
 # float32: ln 2 in two parts; log as 2 artanh by its series
 _LN2_HIGH, _LN2_LOW = _F(0.693359375), _F(-2.12194440e-4)
-_UNITY = _F(1.0)
 _A1, _A2, _A3, _A4 = _F(1 / 3), _F(1 / 5), _F(1 / 7), _F(1 / 9)
 _SQRT_HALF_BITS = np.int32(0x3F3504F3)
 
@@ -225,7 +223,7 @@ def log32(x: Scalar) -> Scalar:
     e = np.float32(bits >> np.int32(23))
     m = np.int32((bits & np.int32(0x007FFFFF)) + _SQRT_HALF_BITS).view(np.float32)  # in [√½, √2)
     # log m = 2 artanh s, |s| < 0.172
-    s = (m - _UNITY) / (m + _UNITY)
+    s = (m - _ONE) / (m + _ONE)
     z = s * s
     series = ((_A4 * z + _A3) * z + _A2) * z + _A1
     return e * _LN2_HIGH + (e * _LN2_LOW + (s + s + (s + s) * z * series))

@@ -97,7 +97,6 @@ def package(tmp_path, monkeypatch):
 
     def loaded(factor, inner):
         (tmp_path / "called.py").write_text(CALLED.format(factor, inner))
-        compiling._source.cache_clear()
         for name in ("called", "calling", "scaling"):
             sys.modules.pop(name, None)
         shutil.rmtree(tmp_path / "__pycache__", ignore_errors=True)
