@@ -149,10 +149,9 @@ def _first_range(path: Path, columns: list[str]) -> int:
         raise InputError(
             f"{path} has {count} of the columns {', '.join(_REFERENCE)}: give all of them, or none."
         )
-    first = len(columns) - sum(name.startswith("range_") for name in columns)
-    if not columns[first:] or columns[first:] != [
-        f"range_{i}" for i in range(len(columns) - first)
-    ]:
+    beams = sum(name.startswith("range_") for name in columns)
+    first = len(columns) - beams
+    if beams == 0 or columns[first:] != [f"range_{beam}" for beam in range(beams)]:
         raise InputError(f"{path} must end in the columns range_0, range_1, … in this order.")
     return first
 

@@ -18,7 +18,6 @@ from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, Singles, arrays
 from deqmcl_gym.validation import InputError, array, integer, number, one_of, real
 
 _NAMES = ("angles", "mounting", "turn", "mounts", "max_range", "min_range", "sigma")
-_EVEN = 1e-5  # rad: float32 angles of a LaserScan are no better
 
 
 @final
@@ -48,7 +47,7 @@ class Scanner(Lidar):
         object.__setattr__(self, "field_of_view", 2 * math.pi)
         super().__post_init__()
         span = max(max(angles[rows]) - min(angles[rows]) for rows in self.rows)
-        if span > 2 * math.pi + _EVEN:
+        if span > 2 * math.pi + 1e-5:  # rad: float32 angles of a LaserScan are no better
             raise InputError(
                 f"scanner.angles span {span:.4g} rad, but must span at most 2π: are they degrees?"
             )
@@ -100,8 +99,7 @@ class Scanner(Lidar):
 
     def lose(self, ranges: NDArray[Any], blind: float = math.inf) -> None:
         """Overwrite readings (..., beams) that are no measurements by +inf and NaN, in place."""
-        if self.blind.any():
-            ranges[..., self.blind] = blind
+        ranges[..., self.blind] = blind
         mark_unmeasured(ranges, self.min_range, self.max_range)
 
     def thinned(self, max_beams: int) -> tuple["Scanner", Sequence[int]]:
@@ -181,8 +179,7 @@ class Log:
                 )
             reference[~np.isfinite(reference).all(axis=1)] = np.nan
             columns["reference"] = reference
-            known = np.isfinite(reference[:, 0])
-            reference[known, 2] = arrays.wrapped(reference[known, 2])
+            reference[:, 2] = arrays.wrapped(reference[:, 2])
         odometry[:, 2] = arrays.wrapped(odometry[:, 2])
         for name, values in columns.items():
             values.setflags(write=False)

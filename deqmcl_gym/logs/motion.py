@@ -26,10 +26,7 @@ def increments_of(poses: Floats) -> Floats:
 
 
 def has_moved(last: Sequence[float], pose: Sequence[float], distance: float, angle: float) -> bool:
-    """Whether a pose is at least so far from the last one, or turned by so much: either is enough.
-
-    Like AMCL's update_min_d and update_min_a.
-    """
+    """Whether a pose is at least so far from the last one or turned by so much: one is enough."""
     turn = abs(math.remainder(pose[2] - last[2], 2 * math.pi))
     return math.hypot(pose[0] - last[0], pose[1] - last[1]) >= distance or turn >= angle
 
@@ -110,10 +107,7 @@ def heading_of(quaternions: Floats) -> Floats:
 
 
 def nearest_in_time(times: Floats, at: Floats) -> tuple[Indices, Floats]:
-    """Return which of ``times`` (k,), ascending, is nearest to each of ``at``, (n,), and how far.
-
-    Indices and distances, (n,) each.
-    """
+    """Return which of ascending ``times`` (k,) is nearest to each of ``at``, and how far, (n,)."""
     after = np.clip(np.searchsorted(times, at), 1, max(times.size - 1, 1))
     pair = np.minimum(np.stack([after - 1, after]), times.size - 1)
     off = np.abs(times[pair] - at)

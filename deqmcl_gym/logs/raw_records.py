@@ -19,12 +19,7 @@ from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
 from deqmcl_gym.validation import LARGEST, InputError, tell
 
 UNREADABLE = "unreadable"
-OTHER_FRAME = "with a scan of another frame"
-NO_ANGLES = "with a scan whose angles are not finite"
-DOUBLED = "doubled"
 NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
-BACKWARDS = "whose time runs backwards"
-NO_ODOMETRY = "without odometry at that time"
 _EPOCH = 1e6  # s: where most stamps are larger, one of 0 is none
 _FEW = 0.5  # share of records with a reference pose below which a warning is given
 
@@ -61,9 +56,9 @@ class RawRecords:
         for record in self.records:
             placed = moved.at(record.number, record.time)
             if placed is None:
-                self.damage[NO_ODOMETRY] += 1
+                self.damage["without odometry at that time"] += 1
             elif record.time == last:
-                self.damage[DOUBLED] += 1
+                self.damage["doubled"] += 1
             else:
                 time, pose = placed
                 records.append(record._replace(time=time, odometry=pose))
@@ -82,8 +77,11 @@ class RawRecords:
         if records:
             ((frame, _),) = Counter(record.frame for record in records).most_common(1)
         for reason, passes in (
-            (OTHER_FRAME, lambda record: record.frame == frame),
-            (NO_ANGLES, lambda record: record.fan is None or np.isfinite(record.fan[:2]).all()),
+            ("with a scan of another frame", lambda r: r.frame == frame),
+            (
+                "with a scan whose angles are not finite",
+                lambda r: r.fan is None or np.isfinite(r.fan[:2]).all(),
+            ),
             (NOT_FINITE, lambda r: all(abs(number) <= LARGEST for number in (r.time, *r.odometry))),
         ):
             left = [record for record in records if passes(record)]
@@ -199,14 +197,11 @@ def ascending(times: Floats, damage: Counter[str]) -> Indices:
     chain = [at[-1]]
     while before[chain[-1]] >= 0:
         chain.append(int(before[chain[-1]]))
-    damage[BACKWARDS] += times.size - len(chain)
+    damage["whose time runs backwards"] += times.size - len(chain)
     return np.array(chain[::-1])
 
 
-MAX_APART = 0.1  # s
-
-
-def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX_APART) -> Log:
+def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float) -> Log:
     """Return one log of several lidars on one robot, by topic; a record has a scan of each.
 
     Records are those of the lidar with the fewest scans. Of each other lidar a record gets the scan

@@ -15,14 +15,7 @@ import numpy as np
 from deqmcl_gym.logs.bags import SCAN, TRANSFORMS, Bag, opened_bag, warn_of_frames
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
-from deqmcl_gym.logs.raw_records import (
-    MAX_APART,
-    UNREADABLE,
-    RawRecord,
-    RawRecords,
-    paired_scans,
-    stamped,
-)
+from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecord, RawRecords, paired_scans, stamped
 from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.logs.transforms import (
@@ -86,7 +79,7 @@ def read_bag(
         messages.read(bag)
     warn_of_frames(messages.name, reference_topic, messages.truth.frames)
     base, moved = messages.moved_by(base_frame, odometry_frame, odometry_publisher)
-    log = messages.log(base, moved, max_range, MAX_APART if max_apart is None else max_apart)
+    log = messages.log(base, moved, max_range, 0.1 if max_apart is None else max_apart)
     truth = messages.truth.poses
     truth[:, 0] = moved.shifted(messages.truth.table[:, 0], truth[:, 0])
     return with_own_reference(log, truth, max_gap, reference_tolerance)

@@ -77,11 +77,7 @@ def usual_fan(sizes: Sequence[int], fans: Sequence[Fan]) -> tuple[int, Fan]:
 
 
 def at_usual_bearings(
-    scans: Sequence[Sequence[float]],
-    fans: Sequence[Fan],
-    beams: int,
-    usual: Fan,
-    max_range: float,
+    scans: Sequence[Sequence[float]], fans: Sequence[Fan], beams: int, usual: Fan, max_range: float
 ) -> tuple[Singles, str | None]:
     """Return the ranges of scans at the bearings of ``usual_fan``, (n, beams), and what to tell.
 

@@ -27,7 +27,6 @@ from deqmcl_gym.validation import LARGEST, InputError, array, number, real, show
 COLUMNS = ("time", "x", "y", "heading")
 UPPER = ("var_x", "cov_xy", "cov_x_heading", "var_y", "cov_y_heading", "var_heading")
 _AT = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])  # of a 3 x 3 matrix in its upper triangle
-_BAGS = ("", ".bag", ".mcap", ".db3")
 MAX_GAP = 2.0  # m
 TOLERANCE = 0.02  # s, at most, and half the usual time between two records
 _UPRIGHT = 0.99  # cosine of the largest tilt that is not told: 8°
@@ -187,9 +186,9 @@ def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajec
     """
     file = Path(path)
     packed = file.suffix.lower() == ".gz"
-    ending = "" if file.is_dir() else (Path(file.stem) if packed else file).suffix.lower()
+    ending = (Path(file.stem) if packed else file).suffix.lower()
     source, damage, covariances = str(file), Counter[str](), None
-    if ending in _BAGS and (file.is_dir() or ending):
+    if file.is_dir() or ending in (".bag", ".mcap", ".db3"):
         rows, covariances = poses_of_topic(file, topic)
         source += f":{topic}" if topic else ""
     elif topic is not None:
