@@ -157,10 +157,7 @@ class MotionNoise:
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Where an episode begins: N(pose, diag(sd_position², sd_position², sd_heading²)), if free.
-
-    Without a pose (x, y, θ) it is around the bottom centre of the lap, along it.
-    """
+    """Where an episode begins: N(pose, diag(sd_position², sd_position², sd_heading²)), if free."""
 
     #: (x, y, θ); None: the middle of the lowest side of the lap, along it
     pose: tuple[float, float, float] | None = field(default=None, metadata=POSE)

@@ -58,10 +58,7 @@ class Path:
         return path_kernels.shorter(after - before, self.period)
 
     def follow(self, start: Point, end: Point, before: float) -> tuple[float, float]:
-        """Return the arc length at the end of a drive that began at arc ``before``, and progress.
-
-        Where the path crosses itself, its order decides; see ``path_kernels.follow``.
-        """
+        """Return arc length and progress of a drive that began at ``before``; see the kernel."""
         return path_kernels.follow(*start, *end, before, self.edges, self.period)
 
     def bottom_centre(self) -> float:

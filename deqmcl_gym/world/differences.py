@@ -84,9 +84,6 @@ class Way(NamedTuple):
         return any(comes_near(self.points, polygon, self.margin) for polygon in polygons)
 
 
-NOWHERE = Way(np.empty((0, 2)), 0.0)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Clutter:
     """Boxes and round pillars that are not on the map; ``size`` is their least and greatest side.
@@ -261,7 +258,7 @@ def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body:
     default = scaled(ChangedWalls(), pixel(floor_plan.unit))
     walls = part("changed_walls", ChangedWalls, keys, default)
     seed = integer("changed_walls.seed", given.get("seed", 0))
-    way = Way.along(points, body, floor_plan) if walls.keep_route and len(points) else NOWHERE
+    way = Way.along(points if walls.keep_route else points[:0], body, floor_plan)
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     return altered(floor_plan, *walls.drawn(floor_plan, way, rng))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, RoomActions, arrays
-from deqmcl_gym.validation import InputError, integer
+from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, Path
 from deqmcl_gym.world.path_kernels import NEARER, drive_along, once_round, room_for_noise, steer
@@ -43,13 +43,9 @@ class FixedPlan:
         return self.begun + len(self.actions)
 
     def after(self, underway: Underway) -> tuple[RoomActions, int]:
-        """Return the next h actions, zero-padded, and their number; 0 ends the episode.
-
-        The array (h, 2) is fresh. They are the same wherever the robot is.
-        """
+        """Return the next h actions, zero-padded, fresh (h, 2), and their number; 0: it ends."""
         step = underway.step - self.begun
-        end = step + self.horizon
-        return self._padded[step:end].copy(), min(self.horizon, len(self.actions) - step)
+        return self._windows[step].copy(), int(self._counts[step])
 
     def after_each(self, steps: Indices) -> tuple[RoomActions, Indices]:
         """Return the results of :meth:`after` for each of ``steps`` (n,): (n, h, 2) and (n,)."""
@@ -61,13 +57,10 @@ class FixedPlan:
         return FixedPlan(np.vstack([past, actions]), self.horizon, self.begun)
 
     @cached_property
-    def _padded(self) -> RoomActions:
-        return np.vstack([self.actions, np.zeros((self.horizon, 2), np.float32)])
-
-    @cached_property
     def _windows(self) -> RoomActions:
         """Row t has the actions after step t, (T + 1, h, 2); a view."""
-        windows = np.lib.stride_tricks.sliding_window_view(self._padded, self.horizon, axis=0)
+        padded = np.vstack([self.actions, np.zeros((self.horizon, 2), np.float32)])
+        windows = np.lib.stride_tricks.sliding_window_view(padded, self.horizon, axis=0)
         return windows.transpose(0, 2, 1)
 
     @cached_property
@@ -110,17 +103,22 @@ class GuidedPlan:
         end, near = once_round(course.path.length, world.robot.radius), -1.0
         if world.route is not None:
             end, near = math.inf, world.route.tolerance
-        plan = cls(
-            world=world,
-            course=course,
-            rules=(driver.look_ahead, driver.on_the_spot, lap.step, lap.turn, end, near),
-            horizon=integer(
-                "horizon", limit if horizon is None else horizon, low=1, high=MAX_STEPS
-            ),
-            limit=limit,
-        )
-        if world.route is None:
-            _check_drivable(plan)
+        rules = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn, end, near
+        plan = cls(world, course, rules, limit if horizon is None else horizon, limit)
+        if world.route is not None:
+            return plan
+        wish = "give another driver.look_ahead, or other lap.waypoints."
+        if len(plan.actions) == limit:
+            raise InputError(
+                f"the driver does not complete the lap in {limit:,} steps, even without noise: "
+                f"{wish}"
+            )
+        blocked = _blocked(course.start, plan.actions, world.floor_plan, world.body)
+        if blocked.any():
+            x, y = points_of(course.start, plan.actions)[blocked.argmax()]
+            raise InputError(
+                f"the driver meets a wall near ({x:g}, {y:g}), even without noise: {wish}"
+            )
         return plan
 
     @cached_property
@@ -181,20 +179,6 @@ class GuidedPlan:
 
 
 Plan = FixedPlan | GuidedPlan
-
-
-def _check_drivable(plan: GuidedPlan) -> None:
-    actions, start = plan.actions, plan.course.start
-    wish = "give another driver.look_ahead, or other lap.waypoints."
-    if len(actions) == plan.limit:
-        raise InputError(
-            f"the driver does not complete the lap in {plan.limit:,} steps, even without noise: "
-            f"{wish}"
-        )
-    blocked = _blocked(start, actions, plan.world.floor_plan, plan.world.body)
-    if blocked.any():
-        x, y = points_of(start, actions)[blocked.argmax()]
-        raise InputError(f"the driver meets a wall near ({x:g}, {y:g}), even without noise: {wish}")
 
 
 def _blocked(start: Pose, actions: RoomActions, floor_plan: Map, body: float) -> Bools:

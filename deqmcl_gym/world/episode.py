@@ -27,7 +27,7 @@ from deqmcl_gym.world.rules import RoomRules
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
 
-Streams = Callable[[Stream], np.random.Generator]  # of an episode, each from its beginning
+Streams = Callable[..., np.random.Generator]  # of an episode, by ``Stream`` and ``twin``
 
 _CLOSEST = 0.05  # px: walls nearer than this to each other are one to a beam
 
@@ -149,10 +149,7 @@ def cast_through_glass(
 
 
 class LidarSensor:
-    """The lidar of one robot: o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²).
-
-    Readings that the lidar loses (``Lidar.lose``) are +inf.
-    """
+    """The lidar of one robot: o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²)."""
 
     def __init__(self, caster: Caster, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
@@ -162,7 +159,7 @@ class LidarSensor:
         self._exact = np.empty((lidar.beams, 1), np.float32)
 
     def scan(self, pose: Pose) -> Singles:
-        """Return the ranges seen from a pose as a fresh array, (B,), in [0, max_range] or +inf."""
+        """Return the ranges seen from a pose, fresh (B,), in [0, max_range]; +inf for lost ones."""
         origin, exact = self._origin, self._exact
         origin[0, 0], origin[1, 0], origin[2, 0] = pose
         self._lidar.cast(self._caster, origin, exact)
@@ -329,7 +326,6 @@ class Episode(Body):
     def __init__(self, rules: RoomRules, walls: Contacts, *, seed: int, number: int) -> None:
         """Begin the ``number``-th episode after seeding, and take its first scan."""
         self._rules = rules
-        self._seed, self._number = seed, number
         begun = Beginning.drawn(rules, seed, number)
         self._begun, self.there = begun, begun.there
         self.course, self.plan = begun.course, begun.plan
@@ -356,25 +352,19 @@ class Episode(Body):
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""
-        return episode_stream(self._seed, self._number, stream, twin)
+        return self._begun.streams(stream, twin)
 
     def place(self, pose: Pose, noticed: bool = True) -> None:
-        """Put the robot at a pose; this does not count as progress.
-
-        Unless it is ``noticed``, a driver does not replan: its plan stays as it is.
-        """
-        journeys, goal, onwards = self.there.journeys, self.course.goal, None
+        """Put the robot at a pose, without progress; if not ``noticed``, a driver's plan stays."""
+        journeys, goal = self.there.journeys, self.course.goal
         if isinstance(self.plan, GuidedPlan):
             if not noticed:
                 self.plan = self.plan.left_as_it_is(self.underway)
             elif journeys is not None and goal is not None:
-                onwards = journeys.onwards(goal, pose)
+                self.course = journeys.onwards(goal, pose)
+                self.plan = self.there.plan_for(self.course, self.step)
+                self.arc = self.way = 0.0
         self._put(pose)
-        if onwards is not None:
-            self.course = onwards
-            self.plan = self.there.plan_for(self.course, self.step)
-            self.arc = self.way = 0.0
-            return
         path = self.course.path
         before, self.arc = self.arc, path.arc(pose[:2])
         self.way += path.advance(before, self.arc)
@@ -391,18 +381,13 @@ class Episode(Body):
         )  # fmt: skip
         self.way += gained
         self.progress += gained
-        if self._is_at_goal():
-            reward, self.done = reward + rules.rewards[1], True
+        goal, route = self.course.goal, rules.world.route
+        if goal is not None and route is not None and rules.ends_at_goal:
+            dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
+            if np.sqrt(dx * dx + dy * dy) <= route.tolerance:
+                reward, self.done = reward + rules.rewards[1], True
         if self._crowd is not None:
             self._crowd.walk(self.pose[:2])
             self._put(self.pose)  # who walks may be in the way now
         self.look()
         return reward, collided
-
-    def _is_at_goal(self) -> bool:
-        """Whether the robot is at the end of its route, if that ends the episode."""
-        goal, route = self.course.goal, self._rules.world.route
-        if goal is None or route is None or not self._rules.ends_at_goal:
-            return False
-        dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
-        return bool(np.sqrt(dx * dx + dy * dy) <= route.tolerance)

@@ -194,10 +194,7 @@ _BLOCK = 64  # steps looked at together: the first blocked one ends the search
 
 @compiled
 def room_for_noise(pose: tuple[float, float, float], cells: Any, size: float, most: float) -> float:
-    """Radius of a robot of radius ``size``, and half its room to a wall, at most half of ``most``.
-
-    ``cells`` is as of ``GridMap``.
-    """
+    """``size`` and half of a robot's room to a wall, of at most ``most``; cells as of GridMap."""
     reach, up, down, frame = cells
     at, gap = np.array(((pose[0],), (pose[1],))), np.empty(1, np.float32)
     distances(at, reach, up, down, frame, gap)
@@ -253,16 +250,11 @@ def back_onto(
     after = 0  # corners that are behind
     while after < len(edges) and edges[after, 5] <= arc:
         after += 1
-    clipped, edge = min(max(arc, 0.0), length), len(edges) - 1
-    while edges[edge, 5] > clipped:
-        edge -= 1
-    share = (clipped - edges[edge, 5]) / edges[edge, 4]
     out = np.empty((len(edges) - after + 2, 6))
     rows, x, y, begun = 0, pose[0], pose[1], 0.0
     for corner in range(after - 1, len(edges) + 1):
         if corner < after:
-            to_x = edges[edge, 0] + share * edges[edge, 2]
-            to_y = edges[edge, 1] + share * edges[edge, 3]
+            to_x, to_y = _point_at(min(max(arc, 0.0), length), edges)
         elif corner < len(edges):
             to_x, to_y = edges[corner, 0], edges[corner, 1]
         else:

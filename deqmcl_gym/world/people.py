@@ -98,7 +98,6 @@ class Crowded:
     """Walls and people."""
 
     def __init__(self, walls: Contacts, crowd: Crowd, body: float) -> None:
-        """Put a crowd, for a robot of radius ``body``, among walls."""
         self._walls, self._crowd, self._size = walls, crowd, crowd.radius + body
 
     def gap(self, centre: Point) -> float:

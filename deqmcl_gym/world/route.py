@@ -107,11 +107,9 @@ class Routes:
     @cached_property
     def centres(self) -> Floats:
         """Centres of the free cells, (n, 2)."""
-        rows, columns = np.nonzero(self._numbers >= 0)
-        x_low, y_low, _, _ = self.floor_plan.bounds
-        return np.column_stack(
-            [x_low + (columns + 0.5) * self._cell, y_low + (rows + 0.5) * self._cell]
-        )
+        cells = np.argwhere(self._numbers >= 0)[:, ::-1]  # column, row
+        centres: Floats = np.array(self.floor_plan.bounds[:2]) + (cells + 0.5) * self._cell
+        return centres
 
     @cached_property
     def _dear(self) -> tuple[Floats, NDArray[np.int64]]:

@@ -140,11 +140,6 @@ def check_options(options: object) -> None:
 _kept_lap = lru_cache(maxsize=8)(Course.of)  # a sweep makes the same room for every trial
 
 
-def _lap_of(world: World) -> Course:
-    """Return the lap of a world; maps of a user's own may change, or have no hash."""
-    return _kept_lap(world) if isinstance(world.floor_plan, PolygonMap) else Course.of(world)
-
-
 @dataclass(frozen=True)
 class RoomRules:
     """A world, and the rules of its episodes."""
@@ -220,7 +215,8 @@ class RoomRules:
     @cached_property
     def course(self) -> Course:
         """The lap as planned: path, start and actions."""
-        return _lap_of(self.world)
+        kept = isinstance(self.world.floor_plan, PolygonMap)  # others may change, or have no hash
+        return _kept_lap(self.world) if kept else Course.of(self.world)
 
     @cached_property
     def plan(self) -> Plan:
@@ -303,7 +299,6 @@ class RoomRules:
         (n, 2), true poses (3,) or (n, 3). ``covered`` and ``elapsed`` are shares of the path and
         of the plan's steps.
         """
-        covered = np.clip(covered, -1.0, 1.0)
         parts: dict[str, Any] = {"plan": planned.copy()} if self.shows_plan else {}
         if goal is not None:
             target = goal if self.goal == "map" else relative_to(pose, goal)
@@ -311,7 +306,7 @@ class RoomRules:
         return {
             "scan": scan.copy(),
             **parts,
-            "progress": np.asarray(covered, np.float32)[..., None],
+            "progress": np.asarray(np.clip(covered, -1.0, 1.0), np.float32)[..., None],
             "clock": np.asarray(elapsed, np.float32)[..., None],
         }
 
