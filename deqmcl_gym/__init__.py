@@ -25,26 +25,12 @@ from deqmcl_gym.world.people import People
 __version__ = "0.2.0"  # its only home: pyproject.toml reads it here
 
 __all__ = [
-    "ENV_ID",
-    "ChangedWalls",
-    "Clutter",
-    "Driver",
-    "Glass",
-    "GridMap",
-    "Lap",
-    "Lidar",
-    "MotionNoise",
-    "Office",
-    "People",
-    "PolygonMap",
-    "Robot",
-    "Route",
-    "Start",
-]
+    "ENV_ID", "ChangedWalls", "Clutter", "Driver", "Glass", "GridMap", "Lap", "Lidar",
+    "MotionNoise", "Office", "People", "PolygonMap", "Robot", "Route", "Start",
+]  # fmt: skip
 
 ENV_ID = "deqmcl_gym/Room-v0"
 JOURNEY_ENV_ID = "deqmcl_gym/Journey-v1"
-LOG_ENV_ID = "deqmcl_gym/Log-v0"
 TASKS = {"deqmcl_gym/Localize-v0": "Localize", "deqmcl_gym/Track-v0": "Track"}
 ABOUT = {  # what the ids are
     "Room-v0": "a lap in the paper's room, with one weak beam",
@@ -96,7 +82,7 @@ def _register(registry: ModuleType) -> None:
         vector_entry_point="deqmcl_gym.envs.vector:journeys",
         kwargs=_JOURNEY,
     )
-    registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
+    registry.register(id="deqmcl_gym/Log-v0", entry_point="deqmcl_gym.envs.log:LogEnv")
     for name, task in TASKS.items():
         many = f"{__name__}:localize" if task == "Localize" else None
         registry.register(id=name, entry_point=f"{__name__}:{task}", vector_entry_point=many)

@@ -376,10 +376,7 @@ class TrackEnv(ActingEnv):
         return self._goal
 
     def _shows(self) -> dict[str, gym.spaces.Box]:
-        return {
-            "sensed": gym.spaces.Box(0.0, 1.0, (1,)),
-            "goal": within(self._extent),
-        }
+        return {"sensed": gym.spaces.Box(0.0, 1.0, (1,)), "goal": within(self._extent)}
 
     def _begun(self, rng: np.random.Generator) -> tuple[Pose, Starts]:
         self._sensed = True

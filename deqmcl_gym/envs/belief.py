@@ -16,9 +16,6 @@ from deqmcl_gym.world.rules import StepResult, relative_space, relative_to
 
 Seen = dict[str, Any]
 
-# (0.1 px)², 10⁻⁶ rad²: the entropy of a single pose is finite
-_FLOOR = np.array([1e-2, 1e-2, 1e-6])
-
 
 @runtime_checkable
 class Estimator(Protocol):
@@ -66,7 +63,9 @@ class BeliefView:
         extent: Box | None = None,
     ) -> None:
         self._unit, self._bounds = floor_plan.unit, bounds or floor_plan.bounds
-        self._floor = _FLOOR * np.array([pixel(self._unit)] * 2 + [1.0]) ** 2
+        px = pixel(self._unit)
+        # f, with which the entropy of a single pose is finite
+        self._floor = np.array([1e-2, 1e-2, 1e-6]) * np.array([px, px, 1.0]) ** 2
         self._has_quality = has_quality
         self._particles = integer("particles", particles)
         x0, y0, x1, y1 = extent or self._bounds
@@ -77,10 +76,9 @@ class BeliefView:
         poses: dict[str, tuple[int, ...]] = {"mean": (3,), "best": (3,), "second": (3,)}
         if particles:
             poses["particles"] = (particles, 3)
-        free = {name: _box(low, high, shape) for name, shape in poses.items()}
+        self._bounded = free = {name: _box(low, high, shape) for name, shape in poses.items()}
         free["covariance"] = _box(-np.outer(most, most), np.outer(most, most), (3, 3))
         free["entropy"] = _box(_entropy(self._floor), _entropy(most**2 + self._floor), (1,))
-        self._bounded = free
         shares = ["best_share", "second_share"] + ["quality"] * has_quality
         parts = {name: gym.spaces.Box(0.0, 1.0, (1,)) for name in shares}
         self.spaces: dict[str, gym.spaces.Box] = {**free, **parts}

@@ -25,7 +25,7 @@ from deqmcl_gym.validation import (
     number,
     one_of,
     shown,
-)  # fmt: skip
+)
 from deqmcl_gym.world.config import WORLDS
 from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.rules import StepResult, check_options
@@ -124,8 +124,6 @@ def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
     return thresholds["length"], thresholds["angle"]
 
 
-ON_MISMATCH = ("error", "ignore")
-HORIZON = 50
 _SAME = 1e-5  # of an action: single precision, and text of 6 digits
 _RADIUS = 8.0  # px, of the robot
 _SIDE = 960  # image pixels of a picture without a map
@@ -208,7 +206,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         reference: str | PathLike[str] | logs.Trajectory | None = None,
         segment: float | None = None,
         plan: str = "odometry",
-        horizon: int = HORIZON,
+        horizon: int = 50,
         every: str | tuple[float, float] | None = None,
         max_beams: int | None = None,
         start: int = 0,
@@ -224,7 +222,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         check_arguments(others, set(signature(LogEnv).parameters) - {"others"})
         if log is None:
             raise InputError("there is no log: give log=…, the path of one.")
-        self._on_mismatch = one_of("on_mismatch", on_mismatch, ON_MISMATCH)
+        self._on_mismatch = one_of("on_mismatch", on_mismatch, ("error", "ignore"))
         self._horizon = integer("horizon", horizon, low=1, high=100_000)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])

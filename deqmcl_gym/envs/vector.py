@@ -14,13 +14,7 @@ from deqmcl_gym import MAX_EPISODE_STEPS
 from deqmcl_gym.envs.vector_rooms import Rooms
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import Bools, Indices, RoomActions
-from deqmcl_gym.validation import (
-    InputError,
-    NoEpisodeError,
-    integer,
-    one_of,
-    shown,
-)
+from deqmcl_gym.validation import InputError, NoEpisodeError, integer, one_of, shown
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.rules import RoomRules, check_options
 
@@ -37,7 +31,7 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         self.num_envs, self._mode = rooms, checked_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self._mode}
         self._begun, self._ended = np.zeros((2, rooms), np.bool_)
-        self._all, self._all_begun = np.ones(rooms, np.bool_), False
+        self._all = np.ones(rooms, np.bool_)
 
     def reset(
         self,
@@ -63,7 +57,6 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         """Begin an episode in each of ``rooms``, with ``seeds`` (n,) or as the room's next one."""
         self._draw(rooms, seeds)
         self._begun[rooms] = True
-        self._all_begun = bool(self._begun.all())
         self._ended = self._ended.copy()  # step() still uses the old array
         self._ended[rooms] = False
 
@@ -124,7 +117,7 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         return info
 
     def _check_begun(self, wish: str) -> None:
-        if not self._all_begun:
+        if not self._begun.all():
             raise NoEpisodeError(
                 f"the episode in room {self._begun.argmin()} has not begun: call reset() before "
                 f"{wish}()."
@@ -155,10 +148,10 @@ class RoomVectorEnv(ManyEpisodes):
             autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's own constant.
             room: further arguments of :class:`deqmcl_gym.envs.room.RoomEnv`.
         """
-        self._limit, mode = _limit(max_episode_steps), checked_mode(autoreset_mode)
+        self._limit = _limit(max_episode_steps)
         self._rules = rules = RoomRules.of(**room)
         _check_together(rules)
-        super().__init__(_number(num_envs, rules), mode)
+        super().__init__(_number(num_envs, rules), autoreset_mode)
         self.world = rules.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self.metadata |= {"render_modes": ["rgb_array"], "render_fps": 30}
@@ -177,13 +170,14 @@ class RoomVectorEnv(ManyEpisodes):
     @property
     def floor_plans(self) -> tuple[Map, ...]:
         """The map of each room in its episode."""
-        return tuple(self.floor_plan if b is None else b.mapped for b in self._rooms.begun)
+        begun, rooms = self._rooms.begun, range(self.num_envs)
+        return tuple(begun[i].mapped if i in begun else self.floor_plan for i in rooms)
 
     @property
     def courses(self) -> tuple[Course, ...]:
         """The course of each room in its episode; NoEpisodeError before all have begun one."""
         self._check_begun("courses")
-        return tuple(begun.course for begun in self._rooms.begun if begun is not None)
+        return tuple(self._rooms.begun[room].course for room in range(self.num_envs))
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
@@ -203,7 +197,7 @@ class RoomVectorEnv(ManyEpisodes):
             self._begin(again)
             commands[again] = 0.0
         rewards, collided, terminated, truncated = self._rooms.move(commands, resting)
-        self._rooms.observe()
+        self._rooms.observe(np.arange(self.num_envs))
         self._ended = terminated | truncated
         info = self._info_of_step(commands, collided, terminated.copy())
         return self._seen(), rewards, terminated, truncated, info

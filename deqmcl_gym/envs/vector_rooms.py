@@ -30,8 +30,7 @@ class Rooms:
         self._grounds = Grounds(world, number, own=_grounds_differ(rules))
         self._motion = NormalTable(number, 2, most)
         self._noise = NormalTable(number, world.lidar.beams, most + 1)  # of the lidars
-        self._own_rules = [rules] * number  # in the office of each
-        self.begun: list[Beginning | None] = [None] * number
+        self.begun: dict[int, Beginning] = {}  # by room
         self.buildings = np.zeros(number, np.int64)
         self.poses, self.steps = np.zeros((number, 3)), np.zeros(number, np.intp)
         gaps, arcs, self.progress = np.zeros((3, number))
@@ -45,16 +44,14 @@ class Rooms:
             ends=np.full(number, np.inf),
             limits=np.ones(number, np.intp),
         )
-        near = -1.0
-        if world.route is not None and rules.ends_at_goal:
-            near = world.route.tolerance
+        route = world.route if rules.ends_at_goal else None
+        near = -1.0 if route is None else route.tolerance
         self._numbers = world.noise.sds, rules.rewards, near, limit
         self.scans = np.zeros((number, world.lidar.beams), np.float32)
         self._lap = None if world.route is not None else rules.plan
         self._driver = _driver(rules)
         self._shown = np.zeros((number, rules.rows, 2), np.float32)
         self._counts = np.zeros(number, np.intp)
-        self._every = np.arange(number)
 
     @staticmethod
     def bytes_each(rules: RoomRules) -> int:
@@ -65,10 +62,7 @@ class Rooms:
         return 8 * numbers + (Grounds.bytes_each(rules.world) if _grounds_differ(rules) else 0)
 
     def plans(self) -> tuple[Singles, Indices]:
-        """Return the next h actions of each room, zero-padded, (n, h, 2), and their number, (n,).
-
-        Fresh arrays.
-        """
+        """Return the next h actions, zero-padded, fresh (n, h, 2), and their number, (n,)."""
         if isinstance(self._lap, FixedPlan):
             return self._lap.after_each(self.steps)
         return self._shown.copy(), self._counts.copy()
@@ -78,15 +72,11 @@ class Rooms:
 
         If one cannot begin, all rooms are unchanged.
         """
-        rules = [self._rules.of_episode(*episode) for episode in episodes]
-        drawn = [
-            Beginning.drawn(room_rules, *episode)
-            for (room_rules, _), episode in zip(rules, episodes, strict=True)
-        ]
-        for room, (room_rules, building), begun, episode in zip(
-            rooms.tolist(), rules, drawn, episodes, strict=True
-        ):
-            self._own_rules[room] = room_rules
+        drawn = []
+        for episode in episodes:
+            rules, building = self._rules.of_episode(*episode)
+            drawn.append((Beginning.drawn(rules, *episode), building))
+        for room, (begun, building), episode in zip(rooms.tolist(), drawn, episodes, strict=True):
             self.begun[room], self.buildings[room] = begun, building or 0
             self._grounds.put(room, begun.there.world)
             self._put(room, begun.course, begun.plan)
@@ -116,14 +106,10 @@ class Rooms:
 
     def picture(self, room: int) -> "Drawing":
         """Draw what is in a room, without its robot."""
-        begun = self.begun[room]
-        assert begun is not None
-        return begun.picture(self._own_rules[room].view, None)
+        return self.begun[room].picture(self._rules.view, None)
 
-    def observe(self, rooms: Indices | None = None) -> None:
-        """Take a scan in each of ``rooms``; None: in all."""
-        if rooms is None:
-            rooms = self._every
+    def observe(self, rooms: Indices) -> None:
+        """Take a scan in each of ``rooms``."""
         lidar, noise = self._rules.world.lidar, self._noise
         exact = np.empty((lidar.beams, rooms.size), np.float32)
         poses = self.poses[rooms].T.astype(np.float32, order="C")
@@ -152,12 +138,10 @@ class Rooms:
             )  # fmt: skip
             return
         for room in rooms.tolist():
-            begun = self.begun[room]
-            assert begun is not None
             x, y, heading = self.poses[room].tolist()
             way, arc = float(self.progress[room]), float(self._robots.arcs[room])
             underway = Underway(int(self.steps[room]), (x, y, heading), arc, way)
-            self._shown[room], self._counts[room] = begun.plan.after(underway)
+            self._shown[room], self._counts[room] = self.begun[room].plan.after(underway)
 
 
 def _grounds_differ(rules: RoomRules) -> bool:
@@ -193,14 +177,10 @@ class NormalTable:
     """
 
     def __init__(self, rooms: int, width: int, lap: int) -> None:
-        """Prepare rows (width,) for each room, of which an episode uses about ``lap``.
-
-        :meth:`renew` sets a room's stream.
-        """
+        """Prepare rows (width,) for each room, of which an episode uses about ``lap``."""
         self.drawn = np.empty((rooms, self.rows(width, lap), width))
         self.at = np.zeros(rooms, np.intp)
-        self._sure = 0  # calls of fill() for which every room has rows left
-        self._rngs: list[np.random.Generator | None] = [None] * rooms
+        self._rngs: dict[int, np.random.Generator] = {}
 
     @staticmethod
     def rows(width: int, lap: int) -> int:
@@ -212,19 +192,12 @@ class NormalTable:
         """Draw the numbers of a room from another stream from now on."""
         self._rngs[room] = rng
         self.at[room] = self.drawn.shape[1]
-        self._sure = 0
 
     def fill(self) -> None:
         """Draw new rows for rooms without any left; a room uses one row between two calls."""
-        if self._sure == 0:
-            rows = self.drawn.shape[1]
-            for room in (self.at == rows).nonzero()[0].tolist():
-                rng = self._rngs[room]
-                assert rng is not None  # a room begins before it draws
-                rng.standard_normal(out=self.drawn[room])
-                self.at[room] = 0
-            self._sure = rows - int(self.at.max())
-        self._sure -= 1
+        for room in (self.at == self.drawn.shape[1]).nonzero()[0].tolist():
+            self._rngs[room].standard_normal(out=self.drawn[room])
+            self.at[room] = 0
 
 
 class Grounds:

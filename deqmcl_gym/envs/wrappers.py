@@ -258,13 +258,12 @@ class Curriculum(gym.Wrapper[Any, Any, Any, Any]):
         self._success = number("success", success, low=0, high=1)
         self._done: deque[bool] = deque(maxlen=integer("window", window, low=1))
         self.stage = 0
-        self._specs = [env.spec for env in self._envs]
         self._asked = {"success": success, "window": window}
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]
         """What ``gym.make`` makes this of again; None if an env has none."""
-        specs = [spec for spec in self._specs if spec is not None]
+        specs = [env.spec for env in self._envs if env.spec is not None]
         if len(specs) < len(self._envs):
             return None
         limits = [spec.max_episode_steps or 0 for spec in specs]
