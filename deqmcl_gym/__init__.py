@@ -13,7 +13,6 @@ import math
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from types import ModuleType
 from typing import Any
 
 from deqmcl_gym.maps import GridMap, Lidar, Office, PolygonMap
@@ -62,11 +61,7 @@ def register() -> None:
     registry = sys.modules.get("gymnasium.envs.registration")
     if registry is None:
         sys.meta_path.insert(0, _WhenGymnasiumLoads())
-    else:
-        _register(registry)
-
-
-def _register(registry: ModuleType) -> None:
+        return
     presets = {f"deqmcl_gym/{preset.title()}-v0": {"preset": preset} for preset in PRESETS}
     for name, kwargs in {ENV_ID: {}, **presets}.items():
         registry.register(

@@ -145,9 +145,7 @@ def number(
 
     Magnitudes above ``LARGEST`` are refused too, unless ``finite`` is False.
     """
-    if type(value) is not float and (
-        isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real)
-    ):
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
         allowed = _interval(low, high, above, finite)
         raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
     try:
@@ -188,7 +186,7 @@ def boolean(what: str, value: object) -> bool:
 def integer(what: str, value: object, *, low: int = 0, high: int | None = None) -> int:
     """Return a whole number in [low, high], else refuse it (1.5 and True are refused)."""
     allowed = f"of {low} or more" if high is None else f"from {low} to {high:,}"
-    if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise InputError(f"{what} is {shown(value)}, but must be a whole number {allowed}.")
     given = int(value)
     if high is None and given > _LARGEST:

@@ -90,9 +90,8 @@ class Routes:
             for low, high in ((x_low, x_high), (y_low, y_high))
         )
         centres = np.stack(np.meshgrid(across, up), axis=-1)
-        room = np.zeros(centres.shape[:2])
-        free = self.floor_plan.free(centres.reshape(-1, 2), self.radius).reshape(room.shape)
-        room[free] = self.comfort
+        free = self.floor_plan.free(centres.reshape(-1, 2), self.radius).reshape(centres.shape[:2])
+        room = np.where(free, self.comfort, 0.0)
         near = free.copy()  # the only cells whose distance is looked up, which is slow in the open
         near[free] = ~self.floor_plan.free(centres[free], _SURELY * self.comfort)
         room[near] = np.minimum(self.floor_plan.distance(centres[near]), self.comfort)
