@@ -31,7 +31,7 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         self.num_envs, self._mode = rooms, checked_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self._mode}
         self._begun, self._ended = np.zeros((2, rooms), np.bool_)
-        self._all = np.ones(rooms, np.bool_)
+        self._all, self._all_begun = np.ones(rooms, np.bool_), False
 
     def reset(
         self,
@@ -57,6 +57,7 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         """Begin an episode in each of ``rooms``, with ``seeds`` (n,) or as the room's next one."""
         self._draw(rooms, seeds)
         self._begun[rooms] = True
+        self._all_begun = bool(self._begun.all())
         self._ended = self._ended.copy()  # step() still uses the old array
         self._ended[rooms] = False
 
@@ -117,7 +118,7 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         return info
 
     def _check_begun(self, wish: str) -> None:
-        if not self._begun.all():
+        if not self._all_begun:
             raise NoEpisodeError(
                 f"the episode in room {self._begun.argmin()} has not begun: call reset() before "
                 f"{wish}()."

@@ -180,6 +180,7 @@ class NormalTable:
         """Prepare rows (width,) for each room, of which an episode uses about ``lap``."""
         self.drawn = np.empty((rooms, self.rows(width, lap), width))
         self.at = np.zeros(rooms, np.intp)
+        self._sure = 0  # calls of fill() for which every room has rows left
         self._rngs: dict[int, np.random.Generator] = {}
 
     @staticmethod
@@ -192,12 +193,17 @@ class NormalTable:
         """Draw the numbers of a room from another stream from now on."""
         self._rngs[room] = rng
         self.at[room] = self.drawn.shape[1]
+        self._sure = 0
 
     def fill(self) -> None:
         """Draw new rows for rooms without any left; a room uses one row between two calls."""
-        for room in (self.at == self.drawn.shape[1]).nonzero()[0].tolist():
-            self._rngs[room].standard_normal(out=self.drawn[room])
-            self.at[room] = 0
+        if self._sure == 0:
+            rows = self.drawn.shape[1]
+            for room in (self.at == rows).nonzero()[0].tolist():
+                self._rngs[room].standard_normal(out=self.drawn[room])
+                self.at[room] = 0
+            self._sure = rows - int(self.at.max())
+        self._sure -= 1
 
 
 class Grounds:
