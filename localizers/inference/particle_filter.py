@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -198,7 +197,7 @@ class ParticleFilter:
         # Advance: the queue holds the steps t … t + F_t, under the actions that now lead there
         actions = np.concatenate((action[None], plan[: self.future]))
         if self.future > 0:
-            belief = self._redraw(belief, actions, rng)
+            belief = Redraw(self.rollout, self.pilots)(belief, actions, rng)
         for ahead in range(belief.queue.ahead, len(actions)):
             belief = self._extended(belief, actions[: ahead + 1], rng)
         belief = belief.stepped(self.past)
@@ -233,11 +232,7 @@ class ParticleFilter:
             belief = belief.reweighted(self.feasibility.log_g(before, after))
         return belief.appended(after, actions)
 
-    @cached_property
+    @property
     def rollout(self) -> Rollout:
         """Draws futures by this filter's motion and charges them by its feasibility."""
         return Rollout(self.motion, self.feasibility)
-
-    @cached_property
-    def _redraw(self) -> Redraw:
-        return Redraw(self.rollout, self.pilots)
