@@ -8,7 +8,7 @@ feasible, so they cannot testify for themselves. Fixed share, Herbster & Warmuth
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,6 @@ from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.particles import Action, Actions, States, log_sum_exp, pointed_at
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
-
-_F = TypeVar("_F", bound=Filter[Any])
 
 
 class HedgedBelief(NamedTuple):
@@ -94,6 +92,9 @@ class Hedge:
         number("switching", self.switching, low=0, high=0.5)
         number("trust", self.trust, low=0, high=1)
         boolean("mutual", self.mutual)
+        for name in ("advised", "protected"):  # all of their particles tell of a scan's evidence
+            if isinstance(member := getattr(self, name), ParticleFilter):
+                object.__setattr__(self, name, replace(member, predictive=member.particles))
 
     def initial(self, prior: Any, plan: Actions, rng: np.random.Generator) -> HedgedBelief:
         """Return the belief at t = 0. B draws what it would alone; A has a stream of its own."""
@@ -243,13 +244,6 @@ class Plugged:
         return self.localizer.update(scan.ranges, action, plan)
 
 
-def predictive(member: _F) -> _F:
-    """Return a filter all of whose particles tell how well a scan was predicted."""
-    if isinstance(member, ParticleFilter):
-        return replace(member, predictive=member.particles)
-    return member
-
-
 def hedged(
     robot: RobotModel,
     advised: Localizer,
@@ -268,7 +262,7 @@ def hedged(
     shown plans; for the numbers see ``Hedge``.
     """
     members = [
-        predictive(member.filter) if isinstance(member, FilterLocalizer) else Plugged(member)
+        member.filter if isinstance(member, FilterLocalizer) else Plugged(member)
         for member in (advised, protected)
     ]
     return FilterLocalizer(
