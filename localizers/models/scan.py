@@ -334,8 +334,8 @@ class LidarScan:
             measured, used = measured[scan.usable], scan.usable
         expected = np.empty((measured.size, states.shape[1]), np.float32)
         self.lidar.cast(self.floor_plan.cast, states, expected, used)
-        if len(self.lidar.places) > 1:
-            _leave_out(expected)
+        if len(self.lidar.places) > 1:  # a pose is outside if one of its mounts is
+            expected[:, np.isnan(expected).any(axis=0)] = np.nan
         return measured, expected
 
     def weighed(self, measured: Floats, expected: Singles) -> Floats:
@@ -358,20 +358,14 @@ def log_outside(beam: BeamDensity, max_range: float) -> float:
     return min(OUTSIDE, float(arrays.log(beam.least_density(max_range))))
 
 
-def _leave_out(expected: Singles) -> None:
-    """Mark a pose as outside, NaN in all of ``expected`` (b, n), if one of several mounts is."""
-    expected[:, np.isnan(expected).any(axis=0)] = np.nan
-
-
 class ScanTable:
     """``LidarScan`` at fixed poses, with the rays cast once."""
 
     def __init__(self, scan: LidarScan, states: Singles) -> None:
         """Cast the rays of poses (3, n)."""
-        self._scan = scan
-        self._expected = scan.lidar.ranges(scan.floor_plan, states).T  # (B, n)
-        if len(scan.lidar.places) > 1:
-            _leave_out(self._expected)
+        self._scan, lidar = scan, scan.lidar
+        all_beams = Scan.of(np.zeros(lidar.beams), lidar.max_range)
+        _, self._expected = scan.compared(states, all_beams)  # (B, n)
 
     def log_likelihood(self, scan: Scan) -> Floats:
         """Log-likelihood of a scan at each pose, (n,)."""
