@@ -13,7 +13,6 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.numerics.arrays import normal_cdf
-from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.validation import InputError, digits, keep_plain, number
 from localizers.models import beam_kernels
 
@@ -240,16 +239,6 @@ BEAM_MODELS: Mapping[str, type[AnyBeamModel]] = MappingProxyType(
 )
 
 
-@compiled
-def _mark_usable(ranges: Floats, max_range: float, out: Bools) -> int:
-    """Fill in which ranges are usable; return how many are."""
-    count = 0
-    for i in range(ranges.size):
-        out[i] = 0.0 <= ranges[i] <= max_range  # false for NaN
-        count += out[i]
-    return count
-
-
 class Scan(NamedTuple):
     """A scan o_t, (B,): which beams are ``usable``, numbers in [0, max_range], and how many."""
 
@@ -260,8 +249,8 @@ class Scan(NamedTuple):
     @classmethod
     def of(cls, ranges: Floats, max_range: float) -> "Scan":
         """Return a scan; the ranges (B,) are kept, not copied."""
-        usable = np.empty(ranges.size, np.bool_)
-        return cls(ranges, usable, _mark_usable(ranges, max_range, usable))
+        usable = (ranges >= 0.0) & (ranges <= max_range)  # false for NaN
+        return cls(ranges, usable, int(usable.sum()))
 
     def without(self, left_out: Bools) -> "Scan":
         """Return this scan with no measurement by the beams left out, (B,)."""
