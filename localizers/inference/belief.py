@@ -6,14 +6,14 @@ present, which is read at every step; named tuples are made fastest.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from deqmcl_gym.numerics import Bools, Floats, Indices
+from deqmcl_gym.numerics import Floats, Indices
 from localizers.inference.loss_detector import LossDetector, Watch
 from localizers.inference.particles import (
     Actions,
@@ -117,7 +117,7 @@ class Queue(NamedTuple):
         return states if order is None else states.take(order, axis=1)
 
     def since(self, offset: int) -> list[States]:
-        """Return ``at`` of each offset from ``offset`` ≥ 0 on, in one pass over the links."""
+        """Return ``at`` of each offset from ``offset`` on, in one pass over the links."""
         order, clouds = self.pending, []
         for index in range(len(self.slots) - 1, self.present + offset - 1, -1):
             states = self.slots[index]
@@ -302,16 +302,16 @@ class ParticleBelief(_Cloud):
             return self._replace(log_weights=total)
         return self._collapsed()
 
-    def exchanged(self, chosen: Bools, others: "ParticleBelief") -> "ParticleBelief":
-        """Replace the present states, the newest, of ``chosen`` particles, (n,), at mean weight."""
-        states, log_weights = self.present.copy(), self.log_weights.copy()
-        states[:, chosen] = others.present
+    def exchanged(self, chosen: Indices, paths: Iterable[States]) -> "ParticleBelief":
+        """Replace the states of ``chosen`` particles, at mean weight; no future may be queued.
+
+        By ``paths``, which have their present states, (d, k), then those before them, if any.
+        """
+        states, log_weights = self.queue.since(-self.queue.present), self.log_weights.copy()
+        for held, new in zip(reversed(states), paths, strict=False):
+            held[:, chosen] = new
         log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
-        return self._replace(
-            queue=self.queue._replace(slots=(*self.queue.slots[:-1], states)),
-            log_weights=log_weights,
-            events=self.events.plus(random_poses=others.log_weights.size),
-        )
+        return self._replace(queue=Queue.of(states), log_weights=log_weights)
 
     def scanned(
         self,

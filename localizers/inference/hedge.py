@@ -5,7 +5,6 @@ Two filters run on the same commands and scans. The *advised* one, A, is shown t
 feasible, so they cannot testify for themselves. Fixed share, Herbster & Warmuth 1998.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
@@ -18,10 +17,10 @@ from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.validation import InputError, boolean, number
 from localizers.api import Belief, Localizer, Points, Prior, quality_of
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
-from localizers.inference.belief import Events, ParticleBelief, PlanReading, Queue
+from localizers.inference.belief import Events, ParticleBelief, PlanReading
 from localizers.inference.futures import Foresight
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.particles import Action, Actions, States, log_sum_exp, pointed_at
+from localizers.inference.particles import Action, Actions, States, pointed_at
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 
@@ -189,13 +188,8 @@ def mixed(belief: Any, share: float, other: Belief, rng: np.random.Generator) ->
     chosen = np.flatnonzero(rng.random(belief.log_weights.size) < share)
     if chosen.size == 0:
         return belief
-    states = belief.queue.since(-belief.queue.present)
-    drawn = _paths_of(other, (np.arange(chosen.size) + rng.random()) / chosen.size)
-    for held, new in zip(reversed(states), drawn, strict=False):
-        held[:, chosen] = new
-    log_weights = belief.log_weights.copy()
-    log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
-    return belief._replace(queue=Queue.of(states), log_weights=log_weights)
+    pointers = (np.arange(chosen.size) + rng.random()) / chosen.size
+    return belief.exchanged(chosen, _paths_of(other, pointers))
 
 
 def _paths_of(belief: Belief, pointers: Floats) -> Iterator[States]:

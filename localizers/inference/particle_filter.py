@@ -100,15 +100,16 @@ class Injection:
         if share == 0.0:
             return belief
         stream = rng.spawn(1)[0]
-        chosen = stream.random(belief.log_weights.size) < share
-        count = int(np.count_nonzero(chosen))
-        if count == 0:
+        chosen = np.flatnonzero(stream.random(belief.log_weights.size) < share)
+        if chosen.size == 0:
             return belief
-        dtype = belief.present.dtype
-        if self.start is None or news == 0:
-            return belief.exchanged(chosen, initial_cloud(self.poses, count, dtype, plan, stream))
-        candidates = initial_cloud(self.poses, self.start.draws * count, dtype, plan, stream)
-        return belief.exchanged(chosen, self.start(candidates, plan, stream))
+        start = self.start if news > 0 else None
+        draws = chosen.size * (1 if start is None else start.draws)
+        others = initial_cloud(self.poses, draws, belief.present.dtype, plan, stream)
+        if start is not None:
+            others = start(others, plan, stream)
+        events = belief.events.plus(random_poses=chosen.size)
+        return belief.exchanged(chosen, [others.present])._replace(events=events)
 
 
 def is_new(last: Actions, plan: Actions) -> bool:
