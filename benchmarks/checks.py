@@ -28,6 +28,7 @@ from localizers.checks.subject import (
     localizer_drive,
     robot_on,
 )
+from localizers.kinds import Kind
 from localizers.models.scan import Scan, ScanModel
 from localizers.registry import SCAN_MODEL
 
@@ -49,13 +50,14 @@ Answer = tuple[Reals, Reals | None]
 class _InAScenario(Subject):
     """What is made for a scenario, by default for the first of ``worlds`` that it accepts."""
 
+    kind: ClassVar[Kind]
     worlds: ClassVar[tuple[str, ...]]
     scenario: str
 
     @classmethod
     def of(cls, name: str, scenario: str | None) -> Self:
         for world in cls.worlds if scenario is None else (absolute_scenario(scenario),):
-            subject = cls(name=name, scenario=world)
+            subject = cls(name=absolute_reference(cls.kind, name), scenario=world)
             try:
                 subject.begin()
             except InputError as error:
@@ -103,7 +105,7 @@ class AgentDrive(_InAScenario):
         "draw random numbers from numpy.random.default_rng of what it is shown, as of "
         "info['truth'] or info['route']"
     )
-    worlds = "guided", "driving"
+    kind, worlds = AGENT, ("guided", "driving")
 
     def begin(self) -> object:
         """Take no more than the first step."""
@@ -150,7 +152,7 @@ class ScanTests(_InAScenario):
     """A scan model in a world, with poses and scans to try it on."""
 
     remedy = "make a generator of your own"
-    worlds = "sharp", "lost"
+    kind, worlds = SCAN_MODEL, ("sharp", "lost")
 
     def begin(self) -> ScanModel:
         """Make the model anew."""
@@ -243,26 +245,20 @@ def _localizer(name: str, map_file: str | None) -> Subject:
     return localizer_drive(name, None if map_file is None else robot_on(GridMap.load(map_file)))
 
 
-def _agent(name: str, scenario: str | None) -> Subject:
-    return AgentDrive.of(absolute_reference(AGENT, name), scenario)
+def _laws(first: laws.Law, second: laws.Law, *last: laws.Law) -> laws.Laws:
+    rest = first, second, laws.inputs_not_changed, laws.global_rng_untouched, *last
+    return {laws.answers_in_time: None, **dict.fromkeys(rest, laws.answers_in_time)}
 
 
-def _scan_model(name: str, scenario: str | None) -> Subject:
-    return ScanTests.of(absolute_reference(SCAN_MODEL, name), scenario)
-
-
-def _in_time(*others: laws.Law) -> laws.Laws:
-    return {laws.answers_in_time: None, **dict.fromkeys(others, laws.answers_in_time)}
-
-
-_SHARED = laws.inputs_not_changed, laws.global_rng_untouched
-_OF_AGENTS = answers_with_actions, laws.same_rng_same_result, *_SHARED, survives_an_empty_belief
-_OF_SCANS = answers_with_numbers, same_input_same_answer, *_SHARED
+_OF_AGENTS = _laws(answers_with_actions, laws.same_rng_same_result, survives_an_empty_belief)
+_OF_SCANS = _laws(
+    answers_with_numbers, same_input_same_answer, each_pose_by_itself, the_truth_is_likelier
+)
 # how what is under check is made, of its name and a map or a scenario, and its laws
 KINDS: dict[str, tuple[Callable[[str, str | None], Subject], laws.Laws]] = {
     "localizers": (_localizer, laws.LAWS),
-    "agents": (_agent, _in_time(*_OF_AGENTS)),
-    "scan models": (_scan_model, _in_time(*_OF_SCANS, each_pose_by_itself, the_truth_is_likelier)),
+    "agents": (AgentDrive.of, _OF_AGENTS),
+    "scan models": (ScanTests.of, _OF_SCANS),
 }
 
 

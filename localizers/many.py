@@ -293,17 +293,17 @@ def filter_rooms(
     n = particles.shape[2]
     weights, likelihood, total = np.empty(n), np.empty(n), np.empty(n)
     ancestors = np.empty(n, np.intp)
-    resampled, moves = np.empty((3, n), np.float32), np.empty((1, 3, n), np.float32)
-    action = np.zeros((1, 3))
+    resampled, moves = np.empty((2, 3, n), np.float32)
+    action = np.zeros(3)
     for room in rooms:
         normalize(log_weights[room], weights)
         fill_systematic(weights, uniforms[room, 0], ancestors)
         for axis in range(3):
             for i in range(n):
                 resampled[axis, i] = particles[room, axis, ancestors[i]]
-        action[0, 0], action[0, 2] = commands[room, 0], commands[room, 1]
-        noisy_moves(uniforms[room : room + 1, 1:], action, noise[0], noise[1], noise[2], moves)
-        drive(resampled, moves[0], particles[room])
+        action[0], action[2] = commands[room]
+        noisy_moves(uniforms[room, 1:], action, noise[0], noise[1], noise[2], moves)
+        drive(resampled, moves, particles[room])
         log_weights[room] = 0.0
         rows, columns = shapes[room]
         shape = rows, columns

@@ -18,7 +18,7 @@ from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Floats, Singles, arrays
 from deqmcl_gym.validation import integer, number
 from localizers.api import Belief, best_cluster
-from localizers.models.nav2_scan import DistanceTable, table_at_ends
+from localizers.models.nav2_scan import DistanceTable
 from localizers.models.prior import GaussianPrior, random_poses
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
@@ -81,12 +81,12 @@ class MapAgreement:
         """Make the tables of a robot's map."""
         self.metre = metre(robot.floor_plan.unit)
         self._lidar = robot.lidar
-        squares, self._frame = DistanceTable.of(
-            robot.floor_plan, 2 * _SIGMA * self.metre, _CELL * self.metre
-        )
-        away = squares * (self._frame[-1] / self.metre) ** 2  # m²
-        self._near = (away <= _NEAR**2 + 1e-9).astype(np.float32)
-        self._climbed = arrays.exp(-0.5 * away / _SIGMA**2).astype(np.float32)
+        reach, cell = 2 * _SIGMA * self.metre, _CELL * self.metre
+        squares, frame = DistanceTable.of(robot.floor_plan, reach, cell)
+        away = squares * (frame[-1] / self.metre) ** 2  # m²
+        near, climbed = away <= _NEAR**2 + 1e-9, arrays.exp(-0.5 * away / _SIGMA**2)
+        self._near = DistanceTable(near.astype(np.float32), frame)
+        self._climbed = DistanceTable(climbed.astype(np.float32), frame)
 
     def returns(self, ranges: Singles) -> Scan:
         """Return a scan whose usable beams have a return."""
@@ -116,7 +116,7 @@ class MapAgreement:
         )
         return matched, -cost
 
-    def _mean(self, table: Singles, poses: Floats, seen: Sequence[Seen]) -> Floats:
+    def _mean(self, table: DistanceTable, poses: Floats, seen: Sequence[Seen]) -> Floats:
         """Mean of a table where the beams of scans end, 0 off it, (n,)."""
         out, beams = np.zeros(len(poses)), 0
         for record in seen:
@@ -124,10 +124,7 @@ class MapAgreement:
             states = np.ascontiguousarray(composed(poses, back).T, np.float32)
             ranges, used = record.scan.ranges[record.scan.usable], record.scan.usable
             for origins, rows in self._lidar.fans(states, used):
-                starts = np.ascontiguousarray(origins, np.float32)
-                polar = ranges[rows], self._lidar.bearings[used][rows]
-                values = np.empty((polar[0].size, len(poses)), np.float32)
-                table_at_ends(starts, *polar, table, self._frame, values)
+                values = table.at_ends(origins, ranges[rows], self._lidar.bearings[used][rows])
                 out += values.sum(axis=0, dtype=np.float64, where=np.isfinite(values))
             beams += record.scan.beams
         return out / beams
@@ -239,16 +236,13 @@ class Lookout:
             belief, *places = np.mean(self.compared, axis=0).tolist()
             best = int(np.argmax(places))
             mean, metre = self.places[best], self.agreement.metre
-            clear = places[best] >= max(
-                self.recovery.least, belief + self.recovery.margin
-            ) and _are_apart(self.pose, mean, _SAME[0] * metre, _SAME[1])
+            least = max(self.recovery.least, belief + self.recovery.margin)
+            elsewhere = _are_apart(self.pose, mean, _SAME[0] * metre, _SAME[1])
             self._drop()
-            if clear:
-                spread = _SPREAD[0] * self.agreement.metre
+            if places[best] >= least and elsewhere:
                 self.shares.clear()
-                x, y, heading = mean.tolist()
                 return GaussianPrior(
-                    mean=(x, y, heading), sd_position=spread, sd_heading=_SPREAD[1]
+                    mean=mean.tolist(), sd_position=_SPREAD[0] * metre, sd_heading=_SPREAD[1]
                 )
         if not len(self.places):
             self._search(self.recovery.poses, rng.spawn(1)[0])

@@ -15,7 +15,7 @@ from localizers.api import Localizer
 from localizers.kinds import Kind, absolute_name, raised, split
 from localizers.methods.amcl import amcl
 from localizers.methods.cbgl import cbgl
-from localizers.methods.classical import dead_reckoning, ekf
+from localizers.methods.classical import DeadReckoning, ekf
 from localizers.methods.deq_mcl import (
     deq_mcl,
     deq_mcl_fresh,
@@ -46,7 +46,7 @@ LOCALIZER = Kind(
         "deq-mcl-fresh": deq_mcl_fresh,
         "mcl-plan": mcl_plan,
         "mcl-plan-hedged": mcl_plan_hedged,
-        "dead-reckoning": dead_reckoning,
+        "dead-reckoning": DeadReckoning,
         "grid": grid,
         "amcl": amcl,
         "cbgl": cbgl,

@@ -131,13 +131,12 @@ class Tracker:
         size = pixel(one_of("unit of length", self.unit, PIXELS))
         every = (_EVERY[0] * size, _EVERY[1]) if self.every is None else self.every
         fastest = (FASTEST[0] * size, FASTEST[1]) if self.fastest is None else self.fastest
-        self.every = _pair("every", every)
-        self.fastest = _pair("fastest", fastest)
+        self.every, self.fastest = _pair("every", every), _pair("fastest", fastest)
         number("memory", self.memory, low=0, above=True)
-        if self.lidar is None:
-            self.lidar = getattr(getattr(self.localizer, "robot", None), "lidar", None)
         number("lost_below", self.lost_below, low=0, high=1)
         robot = getattr(self.localizer, "robot", None)
+        if self.lidar is None:
+            self.lidar = getattr(robot, "lidar", None)
         self._lookout = Lookout(robot, self.recovery) if isinstance(robot, RobotModel) else None
         if self.recovery is not None and self._lookout is None:
             raise InputError(

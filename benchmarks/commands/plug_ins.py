@@ -205,6 +205,7 @@ def check_command(options: argparse.Namespace) -> str:
 
     subject = kind, options.name, options.scenario or options.map, options.timeout
 
+    @cache
     def attempt(law: "Law") -> Any:
         try:
             return worker.submit(_verdict, law, *subject).result()

@@ -6,7 +6,7 @@ Both functions load and run a localizer in this process, where a debugger sees i
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Literal
 
 from deqmcl_gym.validation import one_of
@@ -52,12 +52,11 @@ class LawVerdict:
 
 @dataclass(frozen=True)
 class Report:
-    """The verdicts on laws; each is tried once, by ``attempt``, when it is asked for."""
+    """The verdicts on laws; each is tried, by ``attempt``, when it is asked for."""
 
     name: str
     laws: Laws
-    attempt: Callable[[Law], LawVerdict]
-    _tried: dict[Law, LawVerdict] = field(default_factory=dict, init=False, repr=False)
+    attempt: Callable[[Law], LawVerdict]  # which remembers what it has tried
 
     @property
     def verdicts(self) -> tuple[LawVerdict, ...]:
@@ -88,9 +87,7 @@ class Report:
             need = self.laws[need]
         if need is not None:
             return LawVerdict(law_name(law), "skipped", f"it fails {law_name(need)!r}")
-        if law not in self._tried:
-            self._tried[law] = self.attempt(law)
-        return self._tried[law]
+        return self.attempt(law)
 
 
 def law_name(law: Law) -> str:
@@ -111,7 +108,7 @@ def check_localizer(
 
 def report_of(subject: Subject, laws: Laws) -> Report:
     """Return the verdicts of laws that are tried in this process."""
-    return Report(subject.name, laws, partial(verdict_on, subject))
+    return Report(subject.name, laws, cache(partial(verdict_on, subject)))
 
 
 def verdict_on(subject: Subject, law: Law) -> LawVerdict:

@@ -41,7 +41,6 @@ from localizers.checks.subject import (
     process_state,
     running,
     snapshot,
-    state_kept,
 )
 from localizers.kinds import parameters_of, raised
 from localizers.models.motion import increments
@@ -342,7 +341,7 @@ def runs_in_a_worker(subject: LocalizerDrive) -> None:
             f"it cannot be sent to another process ({type(error).__name__}: {error}): check it by "
             "its name, as package.module:NAME or path/to/file.py:NAME"
         ) from error
-    with state_kept(), ProcessPoolExecutor(1, get_context("spawn")) as worker:
+    with ProcessPoolExecutor(1, get_context("spawn")) as worker:
         os.environ["PYTHONSAFEPATH"] = "1"  # it finds no modules in the working folder
         try:
             answer = worker.submit(_history_of, sent).result()

@@ -14,7 +14,7 @@ from typing import Any, Protocol, final
 import numpy as np
 
 from deqmcl_gym.logs.motion import composed
-from deqmcl_gym.numerics import Floats, Indices, Singles, arrays
+from deqmcl_gym.numerics import Floats, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, exp64, sin64, wrapped64
 from localizers.api import Motion
@@ -81,27 +81,15 @@ def backward(
 ) -> States:
     """Draw so many whole paths, (T + 1, d, count)."""
     paths = list[States]()
-    pick = np.empty(count, np.intp)
     for t, (states, weights) in reversed(list(enumerate(clouds))):
         densities = np.ones((count, weights.size))
         if paths:
             densities = motion.density(states, paths[-1], actions[t])
-        _fill_picks(weights, densities, rng.random(count), pick)
-        paths.append(states.take(pick, axis=1))
+        cumulative = np.cumsum(weights * densities, axis=1)
+        goals = rng.random((count, 1)) * cumulative[:, -1:]
+        chosen = (cumulative <= goals).sum(axis=1).clip(max=weights.size - 1)
+        paths.append(states.take(chosen, axis=1))
     return np.stack(paths[::-1])
-
-
-@compiled
-def _fill_picks(weights: Floats, densities: Floats, uniforms: Floats, out: Indices) -> None:
-    """Fill in a particle for each row of densities (m, n), drawn with probability ∝ w p."""
-    n = weights.size
-    cumulative = np.empty(n)
-    for j in range(out.size):
-        total = 0.0
-        for i in range(n):
-            total += weights[i] * densities[j, i]
-            cumulative[i] = total
-        out[j] = min(np.searchsorted(cumulative, uniforms[j] * total, side="right"), n - 1)
 
 
 _DRAWS = 10_000  # of the other model, for its spread

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics import Floats
-from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST
 from deqmcl_gym.validation import InputError, amount, array, shown
 from localizers.api import Prior
@@ -149,7 +148,13 @@ def checked_step(
     ):
         measured = np.array(ranges, np.float64, order="C")
         command, ahead = np.array(action, np.float64), np.array(plan, np.float64, order="C")
-        if _is_sound(measured, command, ahead, lidar.beams):
+        if (
+            measured.size == lidar.beams
+            and command.size in (2, 3)
+            and ahead.shape[1] in (2, 3)
+            and np.abs(command).max() <= LARGEST_ACTION
+            and np.abs(ahead).max(initial=0.0) <= LARGEST_ACTION
+        ):
             return _scan(measured, lidar), increments(command), increments(ahead)
     scan = _scan(checked_scan(ranges, lidar), lidar)
     return scan, checked_action(action), checked_plan(plan)
@@ -160,17 +165,3 @@ def _scan(ranges: Floats, lidar: Lidar) -> Scan:
     if lidar.loses:
         lidar.lose(ranges, blind=np.nan)
     return Scan.of(ranges, lidar.max_range)
-
-
-@compiled
-def _is_sound(ranges: Floats, action: Floats, plan: Floats, beams: int) -> bool:
-    """Whether the number of ranges is right, and the shapes and sizes of action and plan are."""
-    if ranges.size != beams or not 2 <= action.size <= 3 or not 2 <= plan.shape[1] <= 3:
-        return False
-    amiss = 0
-    for i in range(action.size):
-        amiss += not abs(action[i]) <= LARGEST_ACTION
-    planned = plan.ravel()
-    for i in range(planned.size):
-        amiss += not abs(planned[i]) <= LARGEST_ACTION
-    return amiss == 0

@@ -1,19 +1,19 @@
 """The belief of a particle filter: a weighted cloud of queues Q(t) of states x_{t-L} … x_{t+F}.
 
 Resampling does not copy states: each slot keeps them as they were drawn, with the index map from
-the order of the next slot's particles to its own. Two sliding windows keep the compositions to
-the present and to the oldest state, which are read at every step; named tuples are made fastest.
+the order of the next slot's particles to its own. A sliding window keeps the composition to the
+present, which is read at every step; named tuples are made fastest.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from deqmcl_gym.numerics import Bools, Floats, Indices
+from deqmcl_gym.numerics import Floats, Indices
 from localizers.inference.loss_detector import LossDetector, Watch
 from localizers.inference.particles import (
     Actions,
@@ -49,27 +49,14 @@ class SlidingComposition(NamedTuple):
         """Drop the oldest link."""
         if self.old:
             return SlidingComposition(self.old[:-1], self.new, self.running)
-        if len(self.new) == 1:
-            return _NOTHING
         turned: list[Link] = []
-        for link in reversed(self.new):
+        for link in reversed(self.new[1:]):
             turned.append(compose(link, turned[-1] if turned else None))
-        return SlidingComposition(tuple(turned[:-1]))
+        return SlidingComposition(tuple(turned))
 
-    def composed(self, first: int = 0) -> Link:
-        """Return the map from the newest slot's order to that of the link ``first`` and later."""
-        if first < len(self.old):
-            return compose(self.old[-1 - first], self.running)
-        first -= len(self.old)
-        if first == 0:
-            return self.running
-        order: Link = None
-        for link in reversed(self.new[first:]):
-            order = compose(link, order)
-        return order
-
-
-_NOTHING = SlidingComposition()
+    def composed(self) -> Link:
+        """Return the map from the newest slot's order to that of the oldest link."""
+        return compose(self.old[-1], self.running) if self.old else self.running
 
 
 class Queue(NamedTuple):
@@ -79,15 +66,13 @@ class Queue(NamedTuple):
     links: tuple[Link, ...] = ()  # links[i] maps the order of slot i + 1 to that of slot i
     pending: Link = None  # from the current order to that of the newest slot
     present: int = 0  # the index of x_t among the slots
-    past: SlidingComposition = _NOTHING  # the composition of the links before the present
-    future: SlidingComposition = _NOTHING  # and of those after it
+    future: SlidingComposition = SlidingComposition()  # of the links after it
 
     @classmethod
     def of(cls, states: Sequence[States]) -> "Queue":
         """Return a queue of states x_{t-L} … x_t, (d, n) each, in one order."""
         before = len(states) - 1
-        links = (None,) * before
-        return cls(tuple(states), links, None, before, SlidingComposition(new=links), _NOTHING)
+        return cls(tuple(states), (None,) * before, None, before)
 
     @property
     def ahead(self) -> int:
@@ -97,40 +82,34 @@ class Queue(NamedTuple):
     def resampled(self, ancestors: Indices) -> "Queue":
         """Keep the whole queues of these particles, (n,)."""
         pending = ancestors if self.pending is None else self.pending[ancestors]
-        return Queue(self.slots, self.links, pending, self.present, self.past, self.future)
+        return Queue(self.slots, self.links, pending, self.present, self.future)
 
     def appended(self, states: States) -> "Queue":
         """Add a newest state, (d, n)."""
         slots, links = (*self.slots, states), (*self.links, self.pending)
-        future = self.future.push(self.pending)
-        return Queue(slots, links, None, self.present, self.past, future)
+        return Queue(slots, links, None, self.present, self.future.push(self.pending))
 
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
-        future = self.future.pop()
-        if past == 0:
-            return Queue(self.slots[1:], self.links[1:], self.pending, 0, _NOTHING, future)
-        before = self.past.push(self.links[self.present])
-        if self.present < past:
-            return self._replace(present=self.present + 1, past=before, future=future)
-        return Queue(self.slots[1:], self.links[1:], self.pending, past, before.pop(), future)
+        first = max(0, self.present + 1 - past)
+        slots, links, present = self.slots[first:], self.links[first:], self.present + 1 - first
+        return Queue(slots, links, self.pending, present, self.future.pop())
 
     def cut(self, keep: int) -> "Queue":
         """Forget the states more than ``keep`` after the present, the current order unchanged."""
         last = self.present + keep
-        links, future = self.links[:last], _NOTHING
+        links, future = self.links[:last], SlidingComposition()
         for link in links[self.present :]:
             future = future.push(link)
         slots, pending = self.slots[: last + 1], self._order(last)
-        return Queue(slots, links, pending, self.present, self.past, future)
+        return Queue(slots, links, pending, self.present, future)
 
     def at(self, offset: int) -> States | None:
         """Return the states at ``offset`` from the present, (d, n), as a fresh array, or None."""
         index = self.present + offset
         if not 0 <= index < len(self.slots):
             return None
-        order, states = self._order(index), self.slots[index]
-        return states.copy() if order is None else states.take(order, axis=1)
+        return self.held(index).copy()
 
     def held(self, index: int) -> States:
         """Return the states of slot ``index``, (d, n); read-only, as they may be the queue's."""
@@ -138,7 +117,7 @@ class Queue(NamedTuple):
         return states if order is None else states.take(order, axis=1)
 
     def since(self, offset: int) -> list[States]:
-        """Return ``at`` of each offset from ``offset`` ≥ 0 on, in one pass over the links."""
+        """Return ``at`` of each offset from ``offset`` on, in one pass over the links."""
         order, clouds = self.pending, []
         for index in range(len(self.slots) - 1, self.present + offset - 1, -1):
             states = self.slots[index]
@@ -148,12 +127,13 @@ class Queue(NamedTuple):
 
     def _order(self, index: int) -> Link:
         """Return the map from the current order to that of slot ``index``."""
-        if index == len(self.slots) - 1:
-            return self.pending
-        if index > self.present:
-            return compose(self.future.composed(index - self.present), self.pending)
-        order = compose(self.future.composed(), self.pending)
-        return compose(self.past.composed(index), order) if index < self.present else order
+        order, links = self.pending, self.links[index:]
+        if links and index <= self.present:
+            order = compose(self.future.composed(), order)
+            links = links[: self.present - index]
+        for link in reversed(links):
+            order = compose(link, order)
+        return order
 
 
 def compose(outer: Link, inner: Link) -> Link:
@@ -322,16 +302,16 @@ class ParticleBelief(_Cloud):
             return self._replace(log_weights=total)
         return self._collapsed()
 
-    def exchanged(self, chosen: Bools, others: "ParticleBelief") -> "ParticleBelief":
-        """Replace the present states, the newest, of ``chosen`` particles, (n,), at mean weight."""
-        states, log_weights = self.present.copy(), self.log_weights.copy()
-        states[:, chosen] = others.present
+    def exchanged(self, chosen: Indices, paths: Iterable[States]) -> "ParticleBelief":
+        """Replace the states of ``chosen`` particles, at mean weight; no future may be queued.
+
+        By ``paths``, which have their present states, (d, k), then those before them, if any.
+        """
+        states, log_weights = self.queue.since(-self.queue.present), self.log_weights.copy()
+        for held, new in zip(reversed(states), paths, strict=False):
+            held[:, chosen] = new
         log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
-        return self._replace(
-            queue=self.queue._replace(slots=(*self.queue.slots[:-1], states)),
-            log_weights=log_weights,
-            events=self.events.plus(random_poses=others.log_weights.size),
-        )
+        return self._replace(queue=Queue.of(states), log_weights=log_weights)
 
     def scanned(
         self,

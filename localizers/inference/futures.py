@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,80 +19,31 @@ from deqmcl_gym.validation import number
 from localizers.api import Motion
 from localizers.inference.belief import ParticleBelief, PlanReading
 from localizers.inference.particles import Actions, Feasibility, LogWeights, States
-from localizers.models.feasibility import FreeSpace, PlanSensor, charges
-from localizers.models.motion import ChargedDrives, OdometryMotion
-
-Paths = Callable[[Indices], list[States]]
+from localizers.models.feasibility import PlanSensor, charges
 
 
 @dataclass(frozen=True)
 class Rollout:
-    """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s); g = 1 without one.
-
-    Those of an ``OdometryMotion`` in ``FreeSpace`` are driven in one pass, bit by bit the same.
-    """
+    """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s); g = 1 without one."""
 
     motion: Motion
     feasibility: Feasibility | None = None
 
     def futures(
         self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
-    ) -> tuple[Paths, Floats]:
+    ) -> tuple[list[States], Floats]:
         """Draw ``copies`` = K futures from each state of ``anchor``, (d, n).
 
-        Return the states of each step, (d, n), given which future of each is asked for, (n,) below
-        K; and log Π g of each future, (K, n).
+        Return the states after each step, (d, K n), and log Π g of each future, (K, n).
         """
-        n = anchor.shape[1]
-        paths, log_g = self(np.tile(anchor, (1, copies)), actions, rng, keep=True)
-        return lambda chosen: paths(chosen * n + np.arange(n)), log_g.reshape(copies, n)
-
-    def log_g(
-        self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
-    ) -> Floats:
-        """Log Π g of the same futures, (K, n), without their states."""
-        _, log_g = self(np.tile(anchor, (1, copies)), actions, rng, keep=False)
-        return log_g.reshape(copies, anchor.shape[1])
-
-    def queued_log_g(self, belief: ParticleBelief, shared: int = 0) -> LogWeights:
-        """Log Π g of each particle's own future from ``shared`` steps ahead on, (n,)."""
-        path = belief.queue.since(shared)
-        n = path[0].shape[1]
-        total = np.zeros(n)
-        if self.feasibility is None or len(path) == 1:
-            return total
-        states = np.concatenate(path, axis=1)
-        for log_g in self.feasibility.log_g(states[:, :-n], states[:, n:]).reshape(-1, n):
-            total += log_g  # one by one, as they are charged
-        return total
-
-    def __call__(
-        self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
-    ) -> tuple[Paths, LogWeights]:
-        """Draw one path from each state, (d, n).
-
-        Return the states after each step, (d, k) each, of the k paths that are asked for by number
-        (none unless ``keep``), and log Π g of each path, (n,).
-        """
-        if self._at_once is not None:
-            return self._at_once(states, actions, rng, keep=keep)
-        log_g, path = np.zeros(states.shape[1]), []
+        states, path = np.tile(anchor, (1, copies)), []
+        log_g = np.zeros(states.shape[1])
         for action in actions:
             before, states = states, self.motion.sample(states, action, rng)
             if self.feasibility is not None:
                 log_g += self.feasibility.log_g(before, states)
-            if keep:
-                path.append(states)
-        return lambda columns: [states[:, columns] for states in path], log_g
-
-    @cached_property
-    def _at_once(self) -> ChargedDrives | None:
-        motion, walls = self.motion, self.feasibility
-        if not (isinstance(motion, OdometryMotion) and isinstance(walls, FreeSpace)):
-            return None
-        return ChargedDrives(
-            motion=motion, floor_plan=walls.floor_plan, radius=walls.radius, beta=walls.beta
-        )
+            path.append(states)
+        return path, log_g.reshape(copies, -1)
 
 
 def log_mean(log_values: Floats) -> LogWeights:
@@ -134,32 +86,38 @@ class Redraw:
         shared = agreeing(belief.drawn, actions) if held else 0
         if shared == held:
             return belief
-        anchor = belief.queue.at(shared)
-        assert anchor is not None, "the shared steps are held"
-        old = self.rollout.queued_log_g(belief, shared)[None]
+        anchor, *_ = queued = belief.queue.since(shared)
+        old, walls = np.zeros((1, anchor.shape[1])), self.rollout.feasibility
+        if walls is not None:
+            for before, after in pairwise(queued):
+                old += walls.log_g(before, after)
         if (others := self.pilots - 1) > 0:
-            drawn = self.rollout.log_g(anchor, belief.drawn[shared:], others, rng)
+            _, drawn = self.rollout.futures(anchor, belief.drawn[shared:], others, rng)
             old = np.vstack([drawn, old])
-        paths, new = self.rollout.futures(anchor, actions[shared:held], self.pilots, rng)
+        path, new = self.rollout.futures(anchor, actions[shared:held], self.pilots, rng)
         log_old = log_mean(old)
         # Where β = inf and every old future collides, the weight is zero already, or the charge
         # was dropped by a weight collapse: either way there is nothing to undo.
         log_factor = log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
         chosen = _choose(new, rng)
         redrawn = belief.cut(shared)
-        for ahead, states in enumerate(paths(chosen), start=shared + 1):
-            redrawn = redrawn.appended(states, actions[:ahead])
+        for ahead, states in enumerate(path, start=shared + 1):
+            redrawn = redrawn.appended(states.take(chosen, axis=1), actions[:ahead])
         redrawn = redrawn.reweighted(log_factor)
         return redrawn._replace(events=redrawn.events.plus(replanned_steps=1))
 
 
 def _choose(log_weights: Floats, rng: np.random.Generator) -> Indices:
-    """One row per column, drawn with probability ∝ exp(log_weights); the first if all are -inf."""
+    """Draw one of K futures of each particle by their log-weights (K, n); the first if all are 0.
+
+    Return where they are among K n, (n,).
+    """
+    copies, n = log_weights.shape
     top = log_weights.max(axis=0)
     cumulative = np.cumsum(arrays.exp(log_weights - np.where(np.isfinite(top), top, 0.0)), axis=0)
-    pointers = rng.random(log_weights.shape[1]) * cumulative[-1]
-    chosen: Indices = (cumulative <= pointers).sum(axis=0)
-    return np.where(cumulative[-1] > 0, np.minimum(chosen, len(log_weights) - 1), 0)
+    chosen = (cumulative <= rng.random(n) * cumulative[-1]).sum(axis=0)
+    chosen = np.where(cumulative[-1] > 0, np.minimum(chosen, copies - 1), 0)
+    return np.asarray(chosen * n + np.arange(n))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,8 +145,9 @@ class DrawnFuture:
 
     @cached_property
     def _drawn(self) -> tuple[list[States], LogWeights]:
-        paths, log_g = self.rollout.futures(self.present, self.actions, self.copies, self.rng)
-        return paths(_choose(log_g, self.rng)), log_mean(log_g)
+        path, log_g = self.rollout.futures(self.present, self.actions, self.copies, self.rng)
+        chosen = _choose(log_g, self.rng)
+        return [states.take(chosen, axis=1) for states in path], log_mean(log_g)
 
 
 # Takes in what the plan (h, k) says of the present, at the start and at every step. By

@@ -5,10 +5,9 @@ Two filters run on the same commands and scans. The *advised* one, A, is shown t
 feasible, so they cannot testify for themselves. Fixed share, Herbster & Warmuth 1998.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,14 +17,12 @@ from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.validation import InputError, boolean, number
 from localizers.api import Belief, Localizer, Points, Prior, quality_of
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
-from localizers.inference.belief import Events, ParticleBelief, PlanReading, Queue
+from localizers.inference.belief import Events, ParticleBelief, PlanReading
 from localizers.inference.futures import Foresight
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.particles import Action, Actions, States, log_sum_exp, pointed_at
+from localizers.inference.particles import Action, Actions, States, pointed_at
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
-
-_F = TypeVar("_F", bound=Filter[Any])
 
 
 class HedgedBelief(NamedTuple):
@@ -94,6 +91,9 @@ class Hedge:
         number("switching", self.switching, low=0, high=0.5)
         number("trust", self.trust, low=0, high=1)
         boolean("mutual", self.mutual)
+        for name in ("advised", "protected"):  # all of their particles tell of a scan's evidence
+            if isinstance(member := getattr(self, name), ParticleFilter):
+                object.__setattr__(self, name, replace(member, predictive=member.particles))
 
     def initial(self, prior: Any, plan: Actions, rng: np.random.Generator) -> HedgedBelief:
         """Return the belief at t = 0. B draws what it would alone; A has a stream of its own."""
@@ -188,13 +188,8 @@ def mixed(belief: Any, share: float, other: Belief, rng: np.random.Generator) ->
     chosen = np.flatnonzero(rng.random(belief.log_weights.size) < share)
     if chosen.size == 0:
         return belief
-    states = belief.queue.since(-belief.queue.present)
-    drawn = _paths_of(other, (np.arange(chosen.size) + rng.random()) / chosen.size)
-    for held, new in zip(reversed(states), drawn, strict=False):
-        held[:, chosen] = new
-    log_weights = belief.log_weights.copy()
-    log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
-    return belief._replace(queue=Queue.of(states), log_weights=log_weights)
+    pointers = (np.arange(chosen.size) + rng.random()) / chosen.size
+    return belief.exchanged(chosen, _paths_of(other, pointers))
 
 
 def _paths_of(belief: Belief, pointers: Floats) -> Iterator[States]:
@@ -243,13 +238,6 @@ class Plugged:
         return self.localizer.update(scan.ranges, action, plan)
 
 
-def predictive(member: _F) -> _F:
-    """Return a filter all of whose particles tell how well a scan was predicted."""
-    if isinstance(member, ParticleFilter):
-        return replace(member, predictive=member.particles)
-    return member
-
-
 def hedged(
     robot: RobotModel,
     advised: Localizer,
@@ -268,7 +256,7 @@ def hedged(
     shown plans; for the numbers see ``Hedge``.
     """
     members = [
-        predictive(member.filter) if isinstance(member, FilterLocalizer) else Plugged(member)
+        member.filter if isinstance(member, FilterLocalizer) else Plugged(member)
         for member in (advised, protected)
     ]
     return FilterLocalizer(

@@ -64,15 +64,14 @@ class LostDensity:
 
 @dataclass(frozen=True)
 class LossDetector:
-    """The evidence for and against a belief; evaluated only when ``quality`` is read."""
+    """The evidence for and against a belief."""
 
     lost: LostDensity  # p(o | lost)
-    # the latest ``MEMORY``, oldest first, with log Σ w p(o | x) over the belief before; NaN unknown
-    scans: tuple[tuple[Scan, float], ...] = ()
-    start: float = 1.0 - LOST  # probability of not being lost before them
-    # log p(o | lost) - log p(o | belief) of the first of them, as far as an earlier detector was
-    # read; NaN if either is unknown or both are 0
+    # log p(o | lost) - log p(o | belief) of the latest ``MEMORY`` scans, oldest first; NaN if
+    # either is unknown or both are 0
     log_ratios: Floats = field(default_factory=partial(np.empty, 0))
+    start: float = 1.0 - LOST  # probability of not being lost before them
+    log_right: float = math.nan  # log Σ w p(o | x) of the latest; NaN before the first
 
     @classmethod
     def of(cls, model: ScanModel, floor_plan: Map) -> "LossDetector":
@@ -81,17 +80,11 @@ class LossDetector:
 
     def scanned(self, scan: Scan, log_evidence: float) -> "LossDetector":
         """Return the detector after one more step; of scans no longer kept only the time counts."""
-        scans, start = self.scans, self.start
-        log_ratios = vars(self).get("_log_ratios", self.log_ratios)
-        if len(scans) == MEMORY:
-            scans, start = scans[1:], start * (1.0 - LOST) + (1.0 - start) * FOUND_AGAIN
-            log_ratios = log_ratios[1:]
-        return LossDetector(self.lost, (*scans, (scan, log_evidence)), start, log_ratios)
-
-    @property
-    def log_right(self) -> float:
-        """Log Σ w p(o | x) of the latest scan; NaN before the first."""
-        return self.scans[-1][1] if self.scans else math.nan
+        log_ratios, start = self.log_ratios, self.start
+        if log_ratios.size == MEMORY:
+            log_ratios, start = log_ratios[1:], start * (1.0 - LOST) + (1.0 - start) * FOUND_AGAIN
+        ratio = self.lost.log_density(scan) - log_evidence
+        return LossDetector(self.lost, np.append(log_ratios, ratio), start, log_evidence)
 
     @property
     def quality(self) -> float:
@@ -100,16 +93,7 @@ class LossDetector:
         q⁻ = q (1 - LOST) + (1 - q) FOUND_AGAIN, then q ∝ q⁻ p(o | belief) and
         1 - q ∝ (1 - q⁻) p(o | lost).
         """
-        return _two_states(self.start, 1.0 - LOST, FOUND_AGAIN, self._log_ratios)
-
-    @cached_property
-    def _log_ratios(self) -> Floats:
-        ratios, read = np.empty(len(self.scans)), self.log_ratios.size
-        ratios[:read] = self.log_ratios
-        for i in range(read, len(self.scans)):
-            scan, log_right = self.scans[i]
-            ratios[i] = self.lost.log_density(scan) - log_right
-        return ratios
+        return _two_states(self.start, 1.0 - LOST, FOUND_AGAIN, self.log_ratios)
 
 
 @dataclass(frozen=True, kw_only=True)

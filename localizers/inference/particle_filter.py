@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -101,15 +100,16 @@ class Injection:
         if share == 0.0:
             return belief
         stream = rng.spawn(1)[0]
-        chosen = stream.random(belief.log_weights.size) < share
-        count = int(np.count_nonzero(chosen))
-        if count == 0:
+        chosen = np.flatnonzero(stream.random(belief.log_weights.size) < share)
+        if chosen.size == 0:
             return belief
-        dtype = belief.present.dtype
-        if self.start is None or news == 0:
-            return belief.exchanged(chosen, initial_cloud(self.poses, count, dtype, plan, stream))
-        candidates = initial_cloud(self.poses, self.start.draws * count, dtype, plan, stream)
-        return belief.exchanged(chosen, self.start(candidates, plan, stream))
+        start = self.start if news > 0 else None
+        draws = chosen.size * (1 if start is None else start.draws)
+        others = initial_cloud(self.poses, draws, belief.present.dtype, plan, stream)
+        if start is not None:
+            others = start(others, plan, stream)
+        events = belief.events.plus(random_poses=chosen.size)
+        return belief.exchanged(chosen, [others.present])._replace(events=events)
 
 
 def is_new(last: Actions, plan: Actions) -> bool:
@@ -198,7 +198,7 @@ class ParticleFilter:
         # Advance: the queue holds the steps t … t + F_t, under the actions that now lead there
         actions = np.concatenate((action[None], plan[: self.future]))
         if self.future > 0:
-            belief = self._redraw(belief, actions, rng)
+            belief = Redraw(self.rollout, self.pilots)(belief, actions, rng)
         for ahead in range(belief.queue.ahead, len(actions)):
             belief = self._extended(belief, actions[: ahead + 1], rng)
         belief = belief.stepped(self.past)
@@ -233,11 +233,7 @@ class ParticleFilter:
             belief = belief.reweighted(self.feasibility.log_g(before, after))
         return belief.appended(after, actions)
 
-    @cached_property
+    @property
     def rollout(self) -> Rollout:
         """Draws futures by this filter's motion and charges them by its feasibility."""
         return Rollout(self.motion, self.feasibility)
-
-    @cached_property
-    def _redraw(self) -> Redraw:
-        return Redraw(self.rollout, self.pilots)

@@ -38,9 +38,7 @@ from localizers.models.prior import random_poses
 from localizers.models.robot import RobotModel
 from localizers.models.scan import ScanModel
 
-LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam", "robot")
 DIFFERENTIAL, OMNI = "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"
-ROBOT_MODELS = (DIFFERENTIAL, OMNI, "robot")
 _BINS = (0.5, 0.5, math.pi / 18)  # m, m, rad: pf_kdtree.c
 _CONVERGED = 0.5  # m: pf.c
 _NO_ACTIONS = np.empty((0, 3))
@@ -71,11 +69,6 @@ class WeightAverages(Averages):
         slow = self.slow + self.alpha_slow * (mean - self.slow) if self.slow > 0 else mean
         fast = self.fast + self.alpha_fast * (mean - self.fast) if self.fast > 0 else mean
         return replace(self, slow=slow, fast=fast)
-
-    @property
-    def anew(self) -> "WeightAverages":
-        """The averages before the first scan."""
-        return replace(self, slow=0.0, fast=0.0)
 
 
 @dataclass(frozen=True)
@@ -179,7 +172,7 @@ class AdaptiveLocalizer:
         return replace(
             now,
             belief=cloud,
-            averages=now.averages.anew if share > 0 else now.averages,
+            averages=replace(now.averages, slow=0.0, fast=0.0) if share > 0 else now.averages,
             converged=float(off.max()) * metres_in(self.robot.floor_plan) <= _CONVERGED,
         )
 
@@ -246,8 +239,9 @@ def amcl(
 ) -> AdaptiveLocalizer:
     """Return Nav2's AMCL, with its units: metres on a map in px, too (1 px is 0.02 m)."""
     integer("max_particles", max_particles, low=1, high=MAX_PARTICLES)
-    one_of("laser_model_type", laser_model_type, LASER_MODELS)
-    one_of("robot_model_type", robot_model_type, ROBOT_MODELS)
+    fields = {"likelihood_field": LikelihoodField, "likelihood_field_prob": LikelihoodFieldProb}
+    one_of("laser_model_type", laser_model_type, (*fields, "beam", "robot"))
+    one_of("robot_model_type", robot_model_type, (DIFFERENTIAL, OMNI, "robot"))
     boolean("do_beamskip", do_beamskip)
     weights = {"z_hit": z_hit, "z_short": z_short, "z_max": z_max, "z_rand": z_rand}
     for name, weight in weights.items():
@@ -276,9 +270,8 @@ def amcl(
             max_beams=max_beams,
         )  # fmt: skip
     else:
-        field = LikelihoodField if laser_model_type == "likelihood_field" else LikelihoodFieldProb
         farthest = number("laser_likelihood_max_dist", laser_likelihood_max_dist, low=0, above=True)
-        scan = field(
+        scan = fields[laser_model_type](
             floor_plan=plan, lidar=lidar, sigma=sigma, farthest=farthest * metre, hit=z_hit,
             rand=z_rand, max_beams=max_beams,
             cell=number("field_cell", field_cell, low=0, above=True) * metre,

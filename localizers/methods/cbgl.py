@@ -52,21 +52,16 @@ class AbsoluteError:
             out[start : start + _BLOCK] = np.where(fits, error, math.inf)
         return out
 
+    def matched(self, states: States, scan: Scan) -> tuple[Singles, Floats]:
+        """Return poses (3, n), each climbed down its error, and the errors, (n,), none grown.
 
-@dataclass(frozen=True, kw_only=True)
-class Matching:
-    """Compass search: a pose takes the best of six steps, or halves its steps if none is better."""
-
-    error: AbsoluteError
-    first: float = _FIRST[0]  # the first steps ahead and to the left, in the map's unit
-    turn: float = _FIRST[1]  # the first one, rad
-
-    def __call__(self, states: States, scan: Scan) -> tuple[Singles, Floats]:
-        """Return poses (3, n), each matched by itself, and their errors, (n,), none grown."""
+        A pose takes the best of six steps, or halves its steps if none is better.
+        """
+        step = _FIRST[0] * pixel(self.floor_plan.unit)
         poses, error = arrays.compass_search(
-            lambda poses: self.error(poses.T, scan),
+            lambda poses: self(poses.T, scan),
             np.array(states, np.float32).T,
-            (self.first, self.first, self.turn),
+            (step, step, _FIRST[1]),
             halvings=_HALVINGS,
             most=_MOST,
             moved=_moved,
@@ -93,7 +88,7 @@ class FirstFix:
     """
 
     tracker: ParticleFilter
-    matching: Matching
+    error: AbsoluteError
     poses: int  # K; for these see ``cbgl``
     matched: int  # k
     modes: int
@@ -136,10 +131,10 @@ class FirstFix:
 
     def fixes(self, states: States, scan: Scan) -> Singles:
         """Return the best of hypotheses (3, K), matched, best first, (3, modes) or fewer."""
-        error = self.matching.error(states, scan)
+        error = self.error(states, scan)
         chosen = np.argsort(error, kind="stable")[: self.matched]
         chosen = chosen[np.isfinite(error[chosen])]
-        poses, error = self.matching(states[:, chosen], scan)
+        poses, error = self.error.matched(states[:, chosen], scan)
         return poses[:, np.argsort(error, kind="stable")[: self.modes]]
 
     def _around(self, fixes: Singles, rng: np.random.Generator) -> States:
@@ -184,7 +179,7 @@ def cbgl(
     error = AbsoluteError(floor_plan=robot.floor_plan, lidar=robot.lidar, radius=robot.radius)
     return FirstFix(
         tracker=mcl_map.build(robot, shared),
-        matching=Matching(error=error, first=_FIRST[0] * px, turn=_FIRST[1]),
+        error=error,
         poses=poses,
         matched=int(matched),
         modes=int(modes),

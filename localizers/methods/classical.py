@@ -326,9 +326,13 @@ class _Track:
 
 
 class DeadReckoning:
-    """Integrates the commands from the prior's mean, and the plan up to the offset asked for."""
+    """Dead reckoning; it does not use the robot model.
 
-    def __init__(self) -> None:
+    Integrates the commands from the prior's mean, and the plan up to the offset asked for.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        del robot
         self._driven: list[Pose] | None = None
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
@@ -351,12 +355,6 @@ class DeadReckoning:
             self._driven = driven = driven[-_KEPT:]
         driven.append(_moved(driven[-1], *command.tolist()))
         return _Track(driven, len(driven) - 1, ahead)
-
-
-def dead_reckoning(robot: RobotModel) -> DeadReckoning:
-    """Return dead reckoning; it does not use the robot model."""
-    del robot
-    return DeadReckoning()
 
 
 def _moved(pose: Pose, forward: float, left: float, turn: float) -> Pose:

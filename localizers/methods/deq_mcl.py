@@ -13,7 +13,7 @@ from deqmcl_gym.validation import InputError, integer, keep_plain, number, one_o
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.beam_filters import beam_filter
 from localizers.inference.futures import Foresight, PlanEvidence
-from localizers.inference.hedge import Hedge, predictive
+from localizers.inference.hedge import Hedge
 from localizers.inference.loss_detector import LossDetector, Recovery
 from localizers.inference.particle_filter import InformedStart, Injection, ParticleFilter
 from localizers.inference.particles import SCHEMES, Feasibility, Resampling
@@ -342,8 +342,8 @@ def mcl_plan_hedged(
             "more, or plans = 'all'."
         )
     return Hedge(
-        advised=predictive(shown),
-        protected=predictive(mcl_map_smoother.build(robot, protected)),
+        advised=shown,
+        protected=mcl_map_smoother.build(robot, protected),
         switching=switching,
         trust=trust,
         mutual=mutual,

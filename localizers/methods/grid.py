@@ -48,8 +48,7 @@ class PoseGrid:
         number("cell", self.cell, low=0, above=True)
         integer("headings", self.headings, low=4, high=_MOST_HEADINGS)
         keep_plain(self)
-        x0, y0, x1, y1 = self.bounds
-        cells = self.headings * math.ceil((x1 - x0) / self.cell) * math.ceil((y1 - y0) / self.cell)
+        cells = math.prod(self.shape)
         if cells * self.bytes_per_cell > _MAX_BYTES:
             gibibytes = cells * self.bytes_per_cell / 2**30
             raise InputError(

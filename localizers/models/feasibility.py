@@ -13,8 +13,6 @@ import numpy as np
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import PIXELS, pixel
 from deqmcl_gym.numerics import Floats, Ints, Singles, arrays
-from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.validation import InputError, number
 from localizers.models.motion import increments
 
@@ -79,22 +77,13 @@ def charges(beta: float, collisions: Ints) -> Floats:
 
 def plan_path(plan: Floats) -> Singles:
     """Where actions (h, 2 or 3) lead without noise, seen from where they start, (h + 1, 2)."""
-    path = np.empty((len(plan) + 1, 2), np.float32)
-    _drive_on(increments(plan), path)
+    forward, left, turn = increments(plan).T
+    headings = np.cumsum(turn)
+    cosine, sine = arrays.cos(headings), arrays.sin(headings)
+    path = np.zeros((len(plan) + 1, 2), np.float32)
+    path[1:, 0] = np.cumsum(forward * cosine - left * sine)
+    path[1:, 1] = np.cumsum(forward * sine + left * cosine)
     return path
-
-
-@compiled
-def _drive_on(moves: Floats, out: Singles) -> None:
-    x, y, heading = 0.0, 0.0, 0.0
-    out[0] = 0.0
-    for k in range(len(moves)):
-        forward, left = moves[k, 0], moves[k, 1]
-        heading += moves[k, 2]
-        cosine, sine = cos64(heading), sin64(heading)
-        x += forward * cosine - left * sine
-        y += forward * sine + left * cosine
-        out[k + 1, 0], out[k + 1, 1] = x, y
 
 
 _OF_METRE = 10.0  # cost_scaling_factor, Nav2's default

@@ -3,7 +3,6 @@
 An action is an increment (forward, left, turn): a turn, then a translation in the frame after it.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Self, final
 
@@ -11,10 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.logs.motion import lengths_of
-from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.drive_kernels import drive as drive_poses
 from deqmcl_gym.maps.map import PER_LENGTH
-from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Singles, arrays
+from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import log32, sincos32
 from deqmcl_gym.validation import InputError, number
@@ -77,21 +75,20 @@ def along(forward: float, left: float) -> tuple[float, float, float]:
 
 @compiled
 def noisy_moves(
-    uniforms: Floats, actions: Floats, drive: float, turn: float, drift: float, out: Singles
+    uniforms: Floats, action: Floats, drive: float, turn: float, drift: float, out: Singles
 ) -> None:
-    """Fill in each increment (F, 3) with its noise, (F, 3, n), of ``uniforms``, (F, n)."""
-    for step in range(actions.shape[0]):
-        move, angle = out[step], actions[step, 2]
-        distance, u, v = along(actions[step, 0], actions[step, 1])
-        sd, sd_angle = drive * abs(distance), turn * abs(angle) + drift * abs(distance)
-        normal_pairs(uniforms[step], distance, sd, angle, sd_angle, move[0], move[2])
-        if v == 0.0:
-            move[1] = 0.0
-            continue
-        ahead, aside = np.float32(u), np.float32(v)
-        for i in range(move.shape[1]):
-            move[1, i] = move[0, i] * aside
-            move[0, i] = move[0, i] * ahead
+    """Fill in an increment (3,) with noise, (3, n), of uniform numbers in [0, 1), (n,)."""
+    angle = action[2]
+    distance, u, v = along(action[0], action[1])
+    sd, sd_angle = drive * abs(distance), turn * abs(angle) + drift * abs(distance)
+    normal_pairs(uniforms, distance, sd, angle, sd_angle, out[0], out[2])
+    if v == 0.0:
+        out[1] = 0.0
+        return
+    ahead, aside = np.float32(u), np.float32(v)
+    for i in range(uniforms.size):
+        out[1, i] = out[0, i] * aside
+        out[0, i] = out[0, i] * ahead
 
 
 @final
@@ -121,19 +118,11 @@ class OdometryMotion:
 
     def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose (3, n), θ in [-π, π], by n uniform numbers."""
-        moves = self.moves(np.asarray(action)[None], rng.random((1, states.shape[1])))
-        after = np.empty_like(states)
-        drive_poses(states, moves[0], after)
+        moves, after = np.empty((3, states.shape[1]), np.float32), np.empty_like(states)
+        uniforms = rng.random((states.shape[1],))
+        noisy_moves(uniforms, increments(action), self.drive, self.turn, self.drift, moves)
+        drive_poses(states, moves, after)
         return after
-
-    def moves(self, actions: Floats, uniforms: Floats) -> Singles:
-        """Return increments (F, 3) with noise, (F, 3, n), of uniform numbers in [0, 1), (F, n)."""
-        steps, n = uniforms.shape
-        moves = np.empty((steps, 3, n), np.float32)
-        if actions.shape != (steps, 3) or actions.dtype != np.float64:
-            actions = increments(actions)
-        noisy_moves(uniforms, actions, self.drive, self.turn, self.drift, moves)
-        return moves
 
     @classmethod
     def fitted(cls, meant: Floats, done: Floats) -> Self:
@@ -206,55 +195,6 @@ def odometry(motion: object, method: str) -> OdometryMotion:
             "noise, not only draws: give an OdometryMotion or a DifferentialMotion."
         )
     return motion
-
-
-# Made and driven at once: more would not fit the processor's cache
-_DRAWS = 2**17  # normal numbers
-_WIDE = 2**15  # poses
-
-
-@dataclass(frozen=True, kw_only=True)
-class ChargedDrives:
-    """Several steps of p and g, as in ``FreeSpace``, in one compiled pass, bit by bit the same."""
-
-    motion: OdometryMotion
-    floor_plan: Map
-    radius: float
-    beta: float
-
-    def __call__(
-        self, states: Singles, actions: Floats, rng: np.random.Generator, *, keep: bool
-    ) -> tuple[Callable[[Indices], list[Singles]], Floats]:
-        """Draw one path from each of ``states``, see ``Rollout``; those kept are redrawn."""
-        (_, n), steps = states.shape, len(actions)
-        block = max(1, _DRAWS // (2 * n))
-        uniforms = np.empty((steps if keep else min(block, steps), n))
-        wide = [slice(left, left + _WIDE) for left in range(0, n, _WIDE)]
-        collisions, now = np.zeros(n, np.intp), [np.ascontiguousarray(states[:, c]) for c in wide]
-        for first in range(0, steps, block):
-            some = actions[first : first + block]
-            drawn = uniforms[first if keep else 0 :][: len(some)]
-            rng.random(out=drawn)
-            for k, columns in enumerate(wide):
-                poses, hits = self._driven(now[k], some, drawn[:, columns], kept=1)
-                collisions[columns] += hits
-                now[k] = poses[-1]
-
-        def paths(columns: Indices) -> list[Singles]:
-            if not keep or steps == 0:
-                return []
-            again = np.take(uniforms, columns, axis=1)
-            return list(self._driven(states[:, columns], actions, again, kept=steps)[0])
-
-        # Summed one by one, as step by step: c · β would round differently.
-        charges = np.cumsum(np.append(0.0, np.full(steps, -self.beta)))
-        return paths, charges[collisions]
-
-    def _driven(
-        self, states: Singles, actions: Floats, uniforms: Floats, *, kept: int
-    ) -> tuple[Singles, Ints]:
-        moves = self.motion.moves(actions, uniforms)
-        return self.floor_plan.rolled_out(states, moves, self.radius, kept=kept)
 
 
 def moving(meant: Floats, done: Floats) -> tuple[Floats, Floats, Bools]:

@@ -138,8 +138,9 @@ class DistanceTable(NamedTuple):
 
     def at_ends(self, origins: Singles, ranges: Floats, bearings: Floats) -> Singles:
         """Squares at the cell that each beam ends in, inf off the table, (B, n)."""
+        starts = np.ascontiguousarray(origins, np.float32)
         out = np.empty((ranges.size, origins.shape[1]), np.float32)
-        table_at_ends(origins, ranges, bearings, self.squares, self.frame, out)
+        table_at_ends(starts, ranges, bearings, self.squares, self.frame, out)
         return out
 
 
@@ -203,28 +204,22 @@ class _Field:
         counted = self.informative(ranges)
         looked_at, bearings = ranges[counted], self.lidar.bearings[counted]
         squares = [
-            self.table.at_ends(
-                np.ascontiguousarray(origins, dtype=np.float32), looked_at[rows], bearings[rows]
-            )
+            self.table.at_ends(origins, looked_at[rows], bearings[rows])
             for origins, rows in self.lidar.fans(states, counted)
         ]
         return squares[0] if len(squares) == 1 else np.concatenate(squares)
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log w of each pose (3, n) of the robot for a scan, (n,)."""
-        out = np.zeros(states.shape[1])
+        out, edge = np.zeros(states.shape[1]), self.table.frame[-1]
+        cut, scale = (self.farthest / edge) ** 2, -0.5 * (edge / self.sigma) ** 2
+        rand = self.rand / (self.lidar.max_range * metres_in(self.floor_plan))
         if self.informative(scan.ranges).any():
             for start in range(0, out.size, _BLOCK):
                 some = slice(start, start + _BLOCK)
                 squares = self.squares(states[:, some], scan.ranges)
-                weigh(squares, *self._model, self._cubes, out[some])
+                weigh(squares, cut, scale, self.hit, rand, self._cubes, out[some])
         return out
-
-    @property
-    def _model(self) -> tuple[float, float, float, float]:
-        edge = self.table.frame[-1]
-        rand = self.rand / (self.lidar.max_range * metres_in(self.floor_plan))
-        return (self.farthest / edge) ** 2, -0.5 * (edge / self.sigma) ** 2, self.hit, rand
 
 
 @final

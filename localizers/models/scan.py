@@ -13,7 +13,6 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.numerics.arrays import normal_cdf
-from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.validation import InputError, digits, keep_plain, number
 from localizers.models import beam_kernels
 
@@ -240,16 +239,6 @@ BEAM_MODELS: Mapping[str, type[AnyBeamModel]] = MappingProxyType(
 )
 
 
-@compiled
-def _mark_usable(ranges: Floats, max_range: float, out: Bools) -> int:
-    """Fill in which ranges are usable; return how many are."""
-    count = 0
-    for i in range(ranges.size):
-        out[i] = 0.0 <= ranges[i] <= max_range  # false for NaN
-        count += out[i]
-    return count
-
-
 class Scan(NamedTuple):
     """A scan o_t, (B,): which beams are ``usable``, numbers in [0, max_range], and how many."""
 
@@ -260,8 +249,8 @@ class Scan(NamedTuple):
     @classmethod
     def of(cls, ranges: Floats, max_range: float) -> "Scan":
         """Return a scan; the ranges (B,) are kept, not copied."""
-        usable = np.empty(ranges.size, np.bool_)
-        return cls(ranges, usable, _mark_usable(ranges, max_range, usable))
+        usable = (ranges >= 0.0) & (ranges <= max_range)  # false for NaN
+        return cls(ranges, usable, int(usable.sum()))
 
     def without(self, left_out: Bools) -> "Scan":
         """Return this scan with no measurement by the beams left out, (B,)."""
@@ -334,8 +323,8 @@ class LidarScan:
             measured, used = measured[scan.usable], scan.usable
         expected = np.empty((measured.size, states.shape[1]), np.float32)
         self.lidar.cast(self.floor_plan.cast, states, expected, used)
-        if len(self.lidar.places) > 1:
-            _leave_out(expected)
+        if len(self.lidar.places) > 1:  # a pose is outside if one of its mounts is
+            expected[:, np.isnan(expected).any(axis=0)] = np.nan
         return measured, expected
 
     def weighed(self, measured: Floats, expected: Singles) -> Floats:
@@ -358,20 +347,14 @@ def log_outside(beam: BeamDensity, max_range: float) -> float:
     return min(OUTSIDE, float(arrays.log(beam.least_density(max_range))))
 
 
-def _leave_out(expected: Singles) -> None:
-    """Mark a pose as outside, NaN in all of ``expected`` (b, n), if one of several mounts is."""
-    expected[:, np.isnan(expected).any(axis=0)] = np.nan
-
-
 class ScanTable:
     """``LidarScan`` at fixed poses, with the rays cast once."""
 
     def __init__(self, scan: LidarScan, states: Singles) -> None:
         """Cast the rays of poses (3, n)."""
-        self._scan = scan
-        self._expected = scan.lidar.ranges(scan.floor_plan, states).T  # (B, n)
-        if len(scan.lidar.places) > 1:
-            _leave_out(self._expected)
+        self._scan, lidar = scan, scan.lidar
+        all_beams = Scan.of(np.zeros(lidar.beams), lidar.max_range)
+        _, self._expected = scan.compared(states, all_beams)  # (B, n)
 
     def log_likelihood(self, scan: Scan) -> Floats:
         """Log-likelihood of a scan at each pose, (n,)."""

@@ -52,7 +52,6 @@ def test_the_averages_are_of_the_mean_weight_and_random_poses_come_by_their_rati
     assert averages.share == pytest.approx(1 - 0.025 / 0.029)
     assert averages.after(math.log(10.0), 50).share == 0.0
     assert averages.after(-math.inf, 50) == averages  # every weight 0
-    assert averages.anew == WeightAverages(alpha_slow=0.1, alpha_fast=0.5)
 
 
 def test_after_random_poses_the_averages_start_anew(robot, prior):

@@ -10,7 +10,7 @@ from following import STILL, follow, robot_of, same, wrapped
 import localizers
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.office import Office
-from localizers.methods.cbgl import AbsoluteError, Matching
+from localizers.methods.cbgl import AbsoluteError
 from localizers.models.scan import Scan
 
 RNG = np.random.default_rng
@@ -66,7 +66,7 @@ def test_matching_never_makes_the_error_larger_and_ends_where_no_small_step_help
     scan, error = seen_from(office, truth), error_of(office)
     begun = np.ascontiguousarray(anywhere.sample(200, RNG(2)).T, np.float32)
     before = begun.copy()
-    poses, found = Matching(error=error, first=0.5, turn=0.2)(begun, scan)
+    poses, found = error.matched(begun, scan)
     assert np.array_equal(begun, before)
     assert np.array_equal(found, error(poses, scan))
     assert (found <= error(begun, scan)).all()

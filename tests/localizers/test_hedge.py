@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import localizers
 from deqmcl_gym.validation import InputError
 from localizers.inference.belief import ParticleBelief, Queue
-from localizers.inference.hedge import Hedge, mixed, predictive, probability_of, switched, weighed
+from localizers.inference.hedge import Hedge, mixed, probability_of, switched, weighed
 from localizers.models.scan import LidarScan, Scan
 
 N = 60
@@ -167,12 +167,12 @@ TOLERANCE = 5 * 0.5 * math.sqrt(5 / MANY)
 @pytest.mark.parametrize("author", ["anew", "stale"])
 def test_many_particles_are_the_two_modes_enumerated(author, mutual):
     drive = ring.AUTHORS[author]
-    members = [
-        predictive(replace(made(BETA), particles=MANY))
+    advised, protected = (
+        replace(made(BETA), particles=MANY)
         for made in (ring.with_plans, ring.METHODS["g and past"])
-    ]
+    )
     hedge = Hedge(
-        advised=members[0], protected=members[1], switching=SWITCHING, trust=TRUST, mutual=mutual
+        advised=advised, protected=protected, switching=SWITCHING, trust=TRUST, mutual=mutual
     )
     exact = two_modes(drive, BETA, SWITCHING, TRUST, mutual=mutual)
     for belief, (q, *clouds) in zip(ring.beliefs(hedge, drive, seed=0), exact, strict=True):

@@ -1,8 +1,5 @@
 """Looking ahead: what it changes and what it leaves alone; roll-outs bit by bit."""
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 
@@ -14,7 +11,6 @@ from deqmcl_gym.maps import Map
 from localizers import OdometryMotion
 from localizers.inference.futures import DrawnFuture, Rollout
 from localizers.inference.hedge import hedged
-from localizers.models import motion
 from localizers.models.feasibility import FreeSpace
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
@@ -113,32 +109,6 @@ def cloud(n: int) -> np.ndarray:
     return RNG(1).uniform((-20, -20, -3), (370, 320, 3), (n, 3)).T.astype(np.float32).copy()
 
 
-@dataclass(frozen=True)
-class Asked:
-    """A feasibility that only tells of single steps."""
-
-    log_g: Callable[[np.ndarray, np.ndarray], np.ndarray]
-
-
-@pytest.mark.parametrize("beta", [0.0, 0.1, 10.0, math.inf])
-@pytest.mark.parametrize(("n", "wide"), [(1, 2000), (63, 2000), (1500, 2000), (4000, 1500)])
-def test_a_walk_in_one_pass_has_the_bits_of_single_steps(room, beta, n, wide, monkeypatch):
-    monkeypatch.setattr(motion, "_DRAWS", 6000)  # 1,500 poses are drawn two steps at a time,
-    monkeypatch.setattr(motion, "_WIDE", wide)  # and 4,000 driven in three parts
-    walls = FreeSpace(floor_plan=room, radius=8.0, beta=beta)
-    rngs = RNG(2), RNG(2)
-    at_once, step_by_step = Rollout(MOTION, walls), Rollout(MOTION, Asked(walls.log_g))
-    paths, log_g = at_once(cloud(n), PLAN, rngs[0], keep=True)
-    plain_paths, plain_log_g = step_by_step(cloud(n), PLAN, rngs[1], keep=True)
-    for asked in (np.arange(n), RNG(3).integers(0, n, 5)):
-        assert np.array_equal(paths(asked), plain_paths(asked))
-    assert log_g.tobytes() == plain_log_g.tobytes()
-    assert rngs[0].bit_generator.state == rngs[1].bit_generator.state
-    none, alone = at_once(cloud(n), PLAN, RNG(2), keep=False)
-    assert none(np.arange(n)) == []
-    assert alone.tobytes() == log_g.tobytes()
-
-
 def test_parts_of_ones_own_are_asked_step_by_step(room):
     class Straight:
         def sample(self, states, action, rng):
@@ -149,8 +119,8 @@ def test_parts_of_ones_own_are_asked_step_by_step(room):
             return np.full(len(ends), True)
 
     walls = FreeSpace(floor_plan=room, radius=8.0)
-    paths, _ = Rollout(Straight(), walls).futures(cloud(5), PLAN, 1, RNG(0))
-    assert np.array_equal(paths(np.zeros(5, int))[-1], cloud(5))
+    path, _ = Rollout(Straight(), walls).futures(cloud(5), PLAN, 1, RNG(0))
+    assert np.array_equal(path[-1], cloud(5))
     walls = FreeSpace(floor_plan=Solid(), radius=8.0, beta=2.0)
     _, log_g = Rollout(MOTION, walls).futures(cloud(5), PLAN, 1, RNG(0))
     assert np.array_equal(log_g, np.full((1, 5), -2.0 * len(PLAN)))

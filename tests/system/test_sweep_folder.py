@@ -63,10 +63,10 @@ def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, mo
 
 
 PLUG_IN = """
-from localizers.methods.classical import dead_reckoning
+from localizers.methods.classical import DeadReckoning
 from pathlib import Path
 Path(__file__).with_name("ran").open("a").write("{}")
-def L(robot): return dead_reckoning(robot)
+def L(robot): return DeadReckoning(robot)
 """
 
 
