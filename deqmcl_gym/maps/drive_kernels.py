@@ -250,50 +250,34 @@ def feasible(
 
 
 @compiled
-def roll_out(
+def collisions_along(
     poses: Singles,
-    moves: Singles,
     path: Singles,
     walls: Singles,
     radius: np.float32,
     clearance: tuple[Any, ...],
     hits: Ints,
-    out: Singles,
 ) -> None:
-    """Drive poses through several moves, or along a path; fill in poses and steps that collide.
+    """Fill in how many steps of a path (F + 1, 2), laid from each pose, collide; as ``feasible``.
 
     Each block of poses takes all steps before the next one, to stay in the processor's cache. Steps
     for which the bounds do not decide are compared with the walls, many at a time.
-
-    Args:
-        poses, walls, radius, clearance: as ``feasible``.
-        moves: (F, 3, n); none if there is a path.
-        path: (F + 1, 2), laid from each pose; none if there are moves.
-        hits: number of steps of each that collide, (n,).
-        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n), or none.
     """
-    n, grid, along = poses.shape[1], Clearance(*clearance), len(path) > 0
+    n, grid, slack = poses.shape[1], Clearance(*clearance), clearance[3]
     squares, chosen = np.empty(POSE_BLOCK, np.int32), np.empty(POSE_BLOCK, np.int32)
     late, owners = np.empty((4, 2 * POSE_BLOCK), np.float32), np.empty(2 * POSE_BLOCK, np.int32)
-    unsure, slack, steps = 0, grid.slack, len(path) - 1 if along else len(moves)
+    unsure = 0
     hits[:] = 0
     for start in range(0, n, POSE_BLOCK):
         size = min(POSE_BLOCK, n - start)
-        touched, move = hits[start : start + size], np.empty((3, size), np.float32)
-        here, there = np.empty((3, size), np.float32), np.empty((3, size), np.float32)
+        touched, rows = hits[start : start + size], np.empty((4, size), np.float32)
+        here, there = np.empty((2, size), np.float32), np.empty((2, size), np.float32)
         near, next_near = np.empty(size, np.float32), np.empty(size, np.float32)
-        rows = np.empty((4, size if along else 0), np.float32)
-        here[:] = poses[:, start : start + size]
-        if along:
-            directed(here, rows)
-            put(rows, path[0], here)
+        directed(poses[:, start : start + size].copy(), rows)
+        put(rows, path[0], here)
         look_up(here, grid, squares[:size], near)
-        for step in range(steps):
-            if along:
-                put(rows, path[step + 1], there)
-            else:
-                move[:] = moves[step, :, start : start + size]
-                drive(here, move, there)
+        for place in path[1:]:
+            put(rows, place, there)
             look_up(there, grid, squares[:size], next_near)
             count = _undecided(here, there, near, next_near, radius, slack, touched, chosen)
             _put_off(here, there, chosen[:count], start, late, owners, unsure)
@@ -301,8 +285,6 @@ def roll_out(
             if unsure >= POSE_BLOCK:
                 _look_closely(late, owners, unsure, walls, radius, hits)
                 unsure = 0
-            if len(out) > 1 or (step == steps - 1 and len(out) > 0):
-                out[step if len(out) > 1 else 0, :, start : start + size] = there
             here, there, near, next_near = there, here, next_near, near
     _look_closely(late, owners, unsure, walls, radius, hits)
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.maps.drive_kernels import POSE_BLOCK, directed, drive, put
+from deqmcl_gym.maps.drive_kernels import POSE_BLOCK, directed, put
 from deqmcl_gym.maps.ray_kernels import FARTHEST_CELL, Reach, cast_among, inverse
 from deqmcl_gym.numerics import Bools, Floats, Ints, Scalar, Singles
 from deqmcl_gym.numerics.compiling import compiled
@@ -169,43 +169,27 @@ def feasible_in_cells(
 
 
 @compiled
-def roll_out_in_cells(
-    poses: Singles,
-    moves: Singles,
-    path: Singles,
-    reach: Reach,
-    frame: tuple[float, ...],
-    radius: float,
-    hits: Ints,
-    out: Singles,
+def collisions_along_in_cells(
+    poses: Singles, path: Singles, reach: Reach, frame: tuple[float, ...], radius: float, hits: Ints
 ) -> None:
-    """Do as ``drive_kernels.roll_out``."""
-    n, size, along = poses.shape[1], radius / frame[4], len(path) > 0
-    steps = len(path) - 1 if along else len(moves)
+    """Do as ``drive_kernels.collisions_along``."""
+    n, size = poses.shape[1], radius / frame[4]
     hits[:] = 0
     for start in range(0, n, POSE_BLOCK):
         end = min(start + POSE_BLOCK, n)
-        count = end - start
-        before, after = np.empty((3, count), np.float32), np.empty((3, count), np.float32)
-        here, there, move = np.empty((2, count)), np.empty((2, count)), np.empty_like(before)
-        rows = np.empty((4, count if along else 0), np.float32)
-        near, next_near = np.empty(count, np.int16), np.empty(count, np.int16)
-        before[:] = poses[:, start:end]
-        if along:
-            directed(before, rows)
-            put(rows, path[0], before)
-        find(before, reach, frame, here[0], here[1], near)
-        for step in range(steps):
-            if along:
-                put(rows, path[step + 1], after)
-            else:
-                move[:] = moves[step, :, start:end]
-                drive(before, move, after)
-            find(after, reach, frame, there[0], there[1], next_near)
+        rows, points = (
+            np.empty((4, end - start), np.float32),
+            np.empty((2, end - start), np.float32),
+        )
+        here, there = np.empty((2, end - start)), np.empty((2, end - start))
+        near, next_near = np.empty(end - start, np.int16), np.empty(end - start, np.int16)
+        directed(poses[:, start:end].copy(), rows)
+        put(rows, path[0], points)
+        find(points, reach, frame, here[0], here[1], near)
+        for place in path[1:]:
+            put(rows, place, points)
+            find(points, reach, frame, there[0], there[1], next_near)
             _count(here, near, there, next_near, size, reach, hits[start:end])
-            if len(out) > 1 or (step == steps - 1 and len(out) > 0):
-                out[step if len(out) > 1 else 0, :, start:end] = after
-            before, after = after, before
             here, there, near, next_near = there, here, next_near, near
 
 

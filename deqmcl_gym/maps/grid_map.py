@@ -196,14 +196,10 @@ class GridMap(Map):
         grid_kernels.find(centres, self._reach, self._frame, us, vs, reached)
         return reached > 0
 
-    def _driven(
-        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
-    ) -> tuple[Singles, Ints]:
-        paths = np.empty((kept, *poses.shape), np.float32)
-        hits = np.empty(poses.shape[1], np.int32)
-        frame, size = self._frame, float(radius)
-        grid_kernels.roll_out_in_cells(poses, moves, path, self._reach, frame, size, hits, paths)
-        return paths, hits
+    def _collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
+        hits, size = np.empty(poses.shape[1], np.int32), float(radius)
+        grid_kernels.collisions_along_in_cells(poses, path, self._reach, self._frame, size, hits)
+        return hits
 
     def _feasible(self, starts: NDArray[Any], ends: NDArray[Any], radius: float) -> Bools:
         clear = np.empty(ends.shape[1], np.bool_)

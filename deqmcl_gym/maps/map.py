@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps.drive_kernels import directed, drive, put
+from deqmcl_gym.maps.drive_kernels import directed, put
 from deqmcl_gym.numerics import Bools, Floats, Ints, Singles, T
 from deqmcl_gym.validation import InputError, number, one_of, real
 
@@ -154,25 +154,6 @@ class Map:
         """Distance of ``points``, (n, 2+), to the nearest wall, from either side, (n,)."""
         raise NotImplementedError
 
-    def rolled_out(
-        self, poses: Singles, moves: Singles, radius: float, *, kept: int
-    ) -> tuple[Singles, Ints]:
-        """Drive poses through several moves, turn then translation; ``collides`` for each.
-
-        Poses are rows x, y, θ, (3, n), moves forward, left, turn, (F, 3, n), float32. Return the
-        poses after each step, or the last if 1 is ``kept``, (kept, 3, n), and how many steps of
-        each collide, (n,).
-        """
-        number("radius", radius, low=0)
-        steps = len(moves)
-        fits = poses.shape == (3, poses.size // 3) and moves.shape == (steps, 3, *poses.shape[1:])
-        if not fits or steps == 0 or kept not in (1, steps):
-            raise InputError(
-                f"poses have shape {poses.shape}, moves {moves.shape} and kept is {kept}, but they "
-                "must be (3, n), (F, 3, n) with F ≥ 1, and 1 or F."
-            )
-        return self._driven(poses, moves, np.empty((0, 2), np.float32), radius, kept)
-
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """Number of steps that collide on a path laid from each pose, (n,).
 
@@ -184,7 +165,7 @@ class Map:
                 f"poses have shape {poses.shape} and the path {path.shape}, but they must be "
                 "(3, n) and (k + 1, 2) with k ≥ 1."
             )
-        return self._driven(poses, np.empty((0, 3, 0), np.float32), path, radius, 0)[1]
+        return self._collisions_along(poses, path, radius)
 
     def _points(self, what: str, points: ArrayLike) -> NDArray[Any]:
         """Return points (n, 2+) as rows x, y."""
@@ -202,18 +183,13 @@ class Map:
         """Whether a disc swept from ``starts`` to ``ends``, (2, n), stays in free space, (n,)."""
         raise NotImplementedError
 
-    def _driven(
-        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
-    ) -> tuple[Singles, Ints]:
-        """Do ``rolled_out``, or along a path if there is one; ask ``collides`` for each step."""
-        rows = np.empty((4, poses.shape[1]), np.float32)
+    def _collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
+        """Do ``collisions_along``; ask ``collides`` for each step."""
+        rows, hits = np.empty((4, poses.shape[1]), np.float32), np.zeros(poses.shape[1], np.int32)
         directed(poses, rows)
         laid = np.empty((len(path), 2, poses.shape[1]), np.float32)
-        for place, out in zip(path, laid, strict=True):
-            put(rows, place, out)
-        points = [*laid] or [poses]
-        for move in moves:
-            points.append(np.empty_like(poses))
-            drive(points[-2], move, points[-1])
-        steps = [self.collides(start.T, end.T, radius) for start, end in pairwise(points)]
-        return np.stack(points[-max(kept, 1) :]), np.sum(steps, axis=0, dtype=np.int32)
+        for place, points in zip(path, laid, strict=True):
+            put(rows, place, points)
+        for start, end in pairwise(laid):
+            hits += self.collides(start.T, end.T, radius)
+        return hits

@@ -230,14 +230,10 @@ class PolygonMap(Map):
         drive_kernels.feasible(starts, ends, self._walls32, size, self._clearance, clear)
         return clear
 
-    def _driven(
-        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
-    ) -> tuple[Singles, Ints]:
-        paths = np.empty((kept, *poses.shape), np.float32)
-        hits = np.empty(poses.shape[1], np.int32)
-        size, clearance = np.float32(radius), self._clearance
-        drive_kernels.roll_out(poses, moves, path, self._walls32, size, clearance, hits, paths)
-        return paths, hits
+    def _collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
+        hits, size = np.empty(poses.shape[1], np.int32), np.float32(radius)
+        drive_kernels.collisions_along(poses, path, self._walls32, size, self._clearance, hits)
+        return hits
 
     @cached_property
     def _walls32(self) -> Singles:

@@ -128,7 +128,7 @@ def test_a_map_of_cells_shows_what_it_is_and_not_its_cells():
 @pytest.mark.parametrize("floor_plan", [PolygonMap(SQUARE), Office().grid])
 def test_arrays_of_another_shape_are_refused_before_a_kernel_reads_past_their_end(floor_plan):
     poses, points = np.zeros((3, 4), np.float32), np.full((5, 2), 5.0)
-    moves, path = np.zeros((2, 3, 4), np.float32), np.zeros((3, 2), np.float32)
+    path = np.zeros((3, 2), np.float32)
     calls = [
         lambda: floor_plan.ranges(points, [0.0]),  # no heading
         lambda: floor_plan.ranges([5.0, 5.0, 0.0], [0.0]),
@@ -136,11 +136,8 @@ def test_arrays_of_another_shape_are_refused_before_a_kernel_reads_past_their_en
         lambda: floor_plan.distance(points[:, :1]),
         lambda: floor_plan.collides(points[:1], points, 0.1),
         lambda: floor_plan.collides(points, points[:1], 0.1),
-        lambda: floor_plan.rolled_out(poses, moves[:, :, :3], 0.1, kept=1),
-        lambda: floor_plan.rolled_out(poses[:2], moves, 0.1, kept=1),
-        lambda: floor_plan.rolled_out(poses, moves[:0], 0.1, kept=1),
-        lambda: floor_plan.rolled_out(poses, np.zeros((3, 3, 4), np.float32), 0.1, kept=2),
-        lambda: floor_plan.collisions_along(poses, path[:0], 0.1),
+        lambda: floor_plan.collisions_along(poses[:2], path, 0.1),
+        lambda: floor_plan.collisions_along(poses, path[:1], 0.1),
         lambda: floor_plan.collisions_along(poses, path.T.copy(), 0.1),
     ]
     for call in calls:
@@ -164,7 +161,6 @@ def test_a_question_with_what_is_no_radius_pose_or_bearing_is_refused(floor_plan
         lambda pose, bearings, **_: floor_plan.ranges([pose], bearings),
         lambda radius, **_: floor_plan.free([(5, 5)], radius),
         lambda radius, **_: floor_plan.collides([(5, 5)], [(6, 5)], radius),
-        lambda radius, **_: floor_plan.rolled_out(rows, rows[None], radius, kept=1),
         lambda radius, **_: floor_plan.collisions_along(rows, rows[:2, [0, 0]], radius),
     ]
     for ask in questions[1:] if "radius" in bad else questions[:1]:

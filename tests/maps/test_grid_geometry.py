@@ -75,9 +75,8 @@ def test_beams_pass_transparent_cells_and_the_edge_behind_them_and_robots_do_not
     assert grid.distance([(1.25, 1.0)])[0] == 0.75
     contact = first_contact((0.5, 1.0), (3.5, 1.0), grid.cells[0], grid.cells[3], 0.25)
     assert contact == pytest.approx(1.25 / 3)
-    twice_ahead = np.array([[[1.0], [0.0], [0.0]]] * 2, "f4")
-    _, hits = grid.rolled_out(np.array([[0.5], [1.0], [0.0]], "f4"), twice_ahead, 0.1, kept=1)
-    assert hits.tolist() == [1]
+    ahead = np.array([[0, 0], [1, 0], [2, 0]], "f4")
+    assert grid.collisions_along(np.array([[0.5], [1.0], [0.0]], "f4"), ahead, 0.1).tolist() == [1]
     assert grid.occupied.tolist() == (cells == 100).tolist()
     assert (grid.solid == (cells != 0)).all()
 

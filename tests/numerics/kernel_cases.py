@@ -3,13 +3,13 @@
 import hashlib
 import json
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps.drive_kernels import drive
 from deqmcl_gym.numerics import arrays, elementary
 
 # one wall of each kind that a caster knows: room, boxes, upright, level, oblique
@@ -41,11 +41,10 @@ def cases() -> Iterator[tuple[str, np.ndarray]]:
         out = np.empty((3, some.shape[1]), np.float32)
         plan.cast(some, bearings, out)
         yield f"ranges, {some.shape[1]}", out
-    moves = np.float32(rng.uniform(0, 1, (3, 3, 9))) * np.float32([[20], [5], [1]])
-    ends, hits = plan.rolled_out(poses, moves, 2.0, kept=3)
-    collides = [plan.collides(a.T, b.T, 2.0) for a, b in pairwise([poses, *ends])]
+    ends = np.empty_like(poses)
+    drive(poses, np.float32(rng.uniform(0, 1, (3, 9))) * np.float32([[20], [5], [1]]), ends)
     for name, said in {
-        "ends": ends, "hits": hits, "collides": np.array(collides),
+        "ends": ends, "collides": plan.collides(poses.T, ends.T, 2.0),
         "along": plan.collisions_along(poses, np.cumsum(np.float32([[3, 1]] * 9), axis=0), 2.0),
         "free": plan.free(poses.T, 2.0), "distance": plan.distance(poses.T),
     }.items():  # fmt: skip
