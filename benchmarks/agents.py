@@ -5,22 +5,11 @@ The first line of each is what ``deqmcl list`` says of it.
 
 import math
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from benchmarks.policies import (
-    FreeEnergy,
-    LookAhead,
-    RandomWalk,
-    Spin,
-    Still,
-    WallFollower,
-    four_deep,
-    points_of,
-    rng_of,
-)
+from benchmarks import policies
 from benchmarks.setup import Agent
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Point, Pose, Reals
@@ -31,7 +20,6 @@ from deqmcl_gym.world.driver import NO_PLAN, GuidedPlan, Underway
 from deqmcl_gym.world.route import Journeys
 from localizers import Belief, RobotModel, best_cluster, mean_pose
 
-_AHEAD = 8  # the start of a stale plan is an eighth of the plan ahead
 _LAP_HORIZON, _HORIZON = 40, 100  # actions planned on the estimate, of a lap and to a goal
 _STEP = 10.0  # px: 0.2 m
 _OFF = 25.0  # px: so far from its way a robot plans another one
@@ -55,13 +43,16 @@ class OpenLoop:
 
 
 class Stale(OpenLoop):
-    """The plan that the env shows is carried out; the localizer is shown that of another start."""
+    """The plan that the env shows is carried out; the localizer is shown that of another start.
+
+    It is an eighth of the plan ahead.
+    """
 
     sees_belief = False
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         planned = info["planned_actions"][: info["planned_count"]]
-        self._rest: Reals = np.roll(planned, -(len(planned) // _AHEAD), axis=0)
+        self._rest: Reals = np.roll(planned, -(len(planned) // 8), axis=0)
         return self._rest
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
@@ -149,7 +140,7 @@ class OnEstimate:
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        if (seen := points_of(belief)) is None:
+        if (seen := policies.points_of(belief)) is None:
             return _LOOK_ROUND, None
         planned = _ahead_of(self._plan, mean_pose(*seen), least=1)
         return planned[0], planned[1:]
@@ -185,7 +176,7 @@ class ToGoal:
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        if (seen := points_of(belief)) is None:
+        if (seen := policies.points_of(belief)) is None:
             return _LOOK_ROUND, None
         self.pose = best_cluster(*seen, unit=self._map.unit).mean
         if info["collided"]:
@@ -228,14 +219,13 @@ class Dispatched(ToGoal):
     sees_truth = True
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
-        self._rng = rng_of(info)
+        self._rng = policies.rng_of(info)
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
         x, y, heading = np.asarray(info["truth"]).tolist()
         self.pose = x, y, heading
-        underway = math.dist(self.goal, (x, y)) > self._tolerance  # false of no goal
-        if not underway:
+        if not math.dist(self.goal, (x, y)) > self._tolerance:  # also if there is no goal yet
             x, y = self._journeys.between(None, self._rng)[-1].tolist()
             self.goal, self._plan = (x, y), None
         return self._on_its_way()[0], NO_PLAN
@@ -283,23 +273,21 @@ def _in_the_building(robot: RobotModel) -> World:
     )
 
 
-AGENTS: Mapping[str, Callable[..., Agent]] = MappingProxyType(
-    {
-        "open-loop": OpenLoop,
-        "stale": Stale,
-        "misplaced": Misplaced,
-        "old-route": OldRoute,
-        "other-route": OtherRoute,
-        "on-estimate": OnEstimate,
-        "to-goal": ToGoal,
-        "on-route": OnRoute,
-        "route": Dispatched,
-        "still": Still,
-        "spin": Spin,
-        "random": RandomWalk,
-        "wall-follower": WallFollower,
-        "greedy": LookAhead,
-        "four-deep": four_deep,
-        "free-energy": FreeEnergy,
-    }
-)
+AGENTS: Mapping[str, Callable[..., Agent]] = {
+    "open-loop": OpenLoop,
+    "stale": Stale,
+    "misplaced": Misplaced,
+    "old-route": OldRoute,
+    "other-route": OtherRoute,
+    "on-estimate": OnEstimate,
+    "to-goal": ToGoal,
+    "on-route": OnRoute,
+    "route": Dispatched,
+    "still": policies.Still,
+    "spin": policies.Spin,
+    "random": policies.RandomWalk,
+    "wall-follower": policies.WallFollower,
+    "greedy": policies.LookAhead,
+    "four-deep": policies.four_deep,
+    "free-energy": policies.FreeEnergy,
+}

@@ -20,7 +20,6 @@ _DESCRIPTION = "Benchmark of self-localization for robots with a known plan." + 
     f"\n\n{group}:\n" + "\n".join(f"  {name:<8}{words}" for name, words in commands.items())
     for group, commands in GROUPS.items()
 )
-_RESUMED = "paper", "sweep", "tune"  # what they have finished, they need not run again
 
 
 class _Version(argparse.Action):
@@ -100,7 +99,8 @@ def _run(argv: Sequence[str], *, leaving: bool) -> int:
             _refuse_no_folder()
             console.say(options.run(options))
     except KeyboardInterrupt as how:
-        note = "; finished trials are kept" if options.command in _RESUMED else ""
+        resumed = options.command in ("paper", "sweep", "tune")
+        note = "; finished trials are kept" if resumed else ""
         print(f"deqmcl: interrupted{note}.", file=sys.stderr)
         return TERMINATED if isinstance(how, console.Terminated) else INTERRUPTED
     except SystemExit as end:  # no command of ours leaves so

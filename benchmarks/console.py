@@ -16,7 +16,6 @@ class FailedWarning(UserWarning):
 
 
 PATIENCE = 1.0  # s before a user is told what takes so long
-_SOON = 0.05  # s
 
 
 @contextmanager
@@ -162,7 +161,7 @@ def stoppable(*, leaving: bool) -> Iterator[None]:
         for each in before:
             signal.signal(each, end)
         number = signal.SIGTERM if unraisable.exc_type is Terminated else signal.SIGINT
-        again = threading.Timer(_SOON, os.kill, (os.getpid(), number))
+        again = threading.Timer(0.05, os.kill, (os.getpid(), number))
         again.daemon = True
         again.start()
 

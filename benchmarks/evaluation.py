@@ -177,7 +177,6 @@ class Counted(gym.Wrapper[Any, Any, Any, Any]):
 def _played(
     counted: gym.Env[Any, Any], policy: Any, seed: int, wrap: Wrap | None, deterministic: bool
 ) -> dict[str, Any]:
-    """Play one episode; return its row."""
     env = counted if wrap is None else wrap(counted)
     seen, info = env.reset(seed=seed)
     act = _acting(policy, env.unwrapped, seen, info, deterministic)
@@ -200,10 +199,8 @@ def _acting(policy: Any, room: Any, seen: Any, info: dict[str, Any], determinist
 
     def predicted(seen: Any, info: dict[str, Any]) -> Any:
         nonlocal state, first
-        begun = np.array([first])
-        action, state = policy.predict(
-            seen, state=state, episode_start=begun, deterministic=deterministic
-        )
+        how = {"episode_start": np.array([first]), "deterministic": deterministic}
+        action, state = policy.predict(seen, state=state, **how)
         first = False
         return int(action) if np.ndim(action) == 0 else action
 
@@ -220,11 +217,10 @@ def _reference(name: str, room: Any, seen: Any, info: dict[str, Any]) -> Policy:
         return {**info, **goal, "ranges": seen["scan"] if isinstance(seen, dict) else seen}
 
     def act(seen: Any, info: dict[str, Any]) -> Singles:
-        belief = room.belief if isinstance(room, ActingEnv) else None
         if not isinstance(room, ActingEnv):
             return np.asarray(agent.act(None, shown(seen, info))[0], np.float32)  # type: ignore[arg-type]
         heads = _heads(name, room, seen)
-        move = np.zeros(2) if heads[-1] else agent.act(belief, shown(seen, info))[0]  # type: ignore[arg-type]
+        move = np.zeros(2) if heads[-1] else agent.act(room.belief, shown(seen, info))[0]
         return np.array([*move, *heads], np.float32)
 
     agent.plan_at_reset(shown(seen, info))

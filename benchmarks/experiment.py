@@ -121,9 +121,8 @@ class Experiment:
             folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/experiment")
             running = stack.enter_context(self.begun(folder, options, command))
             results = running.results()
-            text = ""
-            if report:
-                text = summary(self.sweep, results, folder, write_report(folder, results))
+            files = write_report(folder, results) if report else []
+            text = summary(self.sweep, results, folder, files) if report else ""
             return ExperimentResults(self.sweep, results, text)
 
     @contextmanager
@@ -132,7 +131,7 @@ class Experiment:
         with knowing(self.factories):
             with checking(shown=options.progress):
                 check(self.sweep)
-            with begun(self.sweep, out, options, command=command) as running:
+            with begun(self.sweep, out, options, command) as running:
                 yield running
 
     def __repr__(self) -> str:

@@ -110,14 +110,11 @@ def group(title: str, *options: Option) -> Option:
     return add
 
 
-def file(text: str) -> Path:
+def path(text: str) -> Path:
     """Return the path of an argument; "" would be the current folder."""
     if not text.strip():
         raise argparse.ArgumentTypeError("it is empty: name a file, or a folder as results/mine")
     return Path(text)
-
-
-folder = file
 
 
 def share(text: str) -> float:
@@ -131,7 +128,7 @@ def share(text: str) -> float:
 
 JOBS = option("--jobs", type=int, metavar="J", help="trials or runs at a time (one per processor)")
 _VIEWED = "also write what is believed, for Foxglove and Lichtblick (needs the extra view)"
-MCAP = option("--mcap", type=file, metavar="FILE.mcap", help=_VIEWED)
+MCAP = option("--mcap", type=path, metavar="FILE.mcap", help=_VIEWED)
 RETRY_FAILED = switch("--retry-failed", "run again what failed before")
 _ALLOWED = "seconds allowed per trial or run (no limit; for a plug-in 3600)"
 TIMEOUT = option("--timeout", type=float, metavar="S", help=_ALLOWED)
@@ -145,7 +142,7 @@ def out(default: str | None = None, *, without: str | None = None) -> Option:
     usual = default or without
     words = "output folder" if usual is None else f"output folder ({usual})"
     how: dict[str, Any] = {"default": default, "required": usual is None, "help": words}
-    return option("--out", type=folder, metavar="DIR", **how)
+    return option("--out", type=path, metavar="DIR", **how)
 
 
 def seed(default: int | None = 0) -> Option:
@@ -178,9 +175,7 @@ SETTING: tuple[Option, ...] = (  # of ``setting_sweep``
 )  # fmt: skip
 
 
-def setting_sweep(
-    options: argparse.Namespace, localizers: Sequence[str], trials: int = 1
-) -> "Sweep":
+def setting_sweep(options: argparse.Namespace, localizers: Sequence[str], trials: int) -> "Sweep":
     """Return the localizers on the worlds of a setting, with what is set."""
     from benchmarks.setup.documents import settings
     from benchmarks.sweeps.sweepfile import check_localizers, paper_sweep, with_settings

@@ -12,13 +12,12 @@ from benchmarks.commands import (
     SETTING,
     TIMEOUT,
     command,
-    file,
-    folder,
     group,
     localizers_named,
     mcap_of,
     option,
     out,
+    path,
     seed,
     setting_sweep,
     settings,
@@ -108,7 +107,7 @@ def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
     *SETTING,
     option("--localizer", required=True, metavar="NAME", help="the method"),
     settings(),
-    option("--log", type=file, metavar="FILE",
+    option("--log", type=path, metavar="FILE",
         help="also write the lap as a log: .csv, .csv.gz or .npz"),
     MCAP,
     out(),
@@ -123,7 +122,7 @@ def run_command(options: argparse.Namespace) -> str:
     from localizers.registry import LOCALIZER
 
     mcap = mcap_of(options)
-    sweep = setting_sweep(options, [LOCALIZER.complete(options.localizer)])
+    sweep = setting_sweep(options, [LOCALIZER.complete(options.localizer)], 1)
     with checking():
         check(sweep)
     (trial,) = sweep.distinct()
@@ -232,7 +231,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
 
 
 @command(
-    option("folders", type=folder, nargs="+", metavar="DIR", help="folder of results"),
+    option("folders", type=path, nargs="+", metavar="DIR", help="folder of results"),
     out(without="DIR itself, if it is one"),
     switch("--latex", "also write the tables in LaTeX, and BibTeX"),
     switch("--pdf", "also write the charts as PDF"),
@@ -247,7 +246,7 @@ def report_command(options: argparse.Namespace) -> str:
     and the charts.
     """
     from benchmarks.files import own_folder, write_files
-    from benchmarks.report.page import require_report, write_report
+    from benchmarks.report.page import latex_files, pdf_files, require_report, write_report
     from benchmarks.report.verdict import conclusion, progress
     from benchmarks.sweeps.results import left_out_lines, pooled, results_in
     from deqmcl_gym.validation import InputError
@@ -269,8 +268,6 @@ def report_command(options: argparse.Namespace) -> str:
     if options.latex or options.pdf:
         if not results.records:
             raise InputError(f"{first} has no finished trial: run its sweep first.")
-        from benchmarks.report.page import latex_files, pdf_files
-
         contents = latex_files(results) if options.latex else {}
         contents |= pdf_files(results) if options.pdf else {}
         files += write_files(own_folder(target / "export", "tables.tex", "figures"), contents)
@@ -281,7 +278,7 @@ def report_command(options: argparse.Namespace) -> str:
 
 
 @command(
-    option("folder", type=folder, metavar="DIR", help="folder of results"),
+    option("folder", type=path, metavar="DIR", help="folder of results"),
     option("--share", type=share, metavar="S", help="share of trials to run again, beside one of "
         "each setting and method (1%%)"),
     JOBS,

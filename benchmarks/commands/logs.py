@@ -13,12 +13,12 @@ from benchmarks.commands import (
     TIMEOUT,
     Option,
     command,
-    folder,
     group,
     localizers_named,
     mcap_of,
     option,
     out,
+    path,
     seed,
     settings,
     switch,
@@ -115,7 +115,7 @@ def replay_command(options: argparse.Namespace) -> str:
     if options.dry_run:
         return sweep_file(plan.sweep, [*plan.warnings, *plan.replay.facts]).rstrip()
     target = options.out or Path("results") / Path(options.log[0]).name.partition(".")[0]
-    played = run_replay(plan, target, how, options.words, residuals=options.residuals)
+    played = run_replay(plan, target, how, options.words, options.residuals, paged=True)
     text = complete(played.results, str(played))
     if mcap is not None:
         first = list(replace(plan.sweep, trials=1).distinct())
@@ -126,7 +126,6 @@ def replay_command(options: argparse.Namespace) -> str:
 
 
 def _amcl(options: argparse.Namespace) -> "list[Amcl]":
-    """Return what Nav2's files say."""
     from benchmarks.robots.nav2 import read_nav2
     from deqmcl_gym.validation import InputError
 
@@ -150,7 +149,7 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
     option("estimates", nargs="+", metavar="THEIRS", help="an estimate, [NAME=]FILE[:TOPIC]: "
         "slam.tum, mine=poses.csv, run.mcap:/amcl_pose"),
     option("--reference", metavar="REF.tum", help="true poses in the map's frame"),
-    option("--beside", type=folder, metavar="DIR", help="a folder of deqmcl replay: its log, "
+    option("--beside", type=path, metavar="DIR", help="a folder of deqmcl replay: its log, "
         "reference and map, and its rows in the table"),
     option("--log", metavar="LOG", help="score at the records of a log, as replay does"),
     option("--map", metavar="MAP.yaml", help="compare the log's scans with a map"),
@@ -293,7 +292,6 @@ def tune_command(options: argparse.Namespace) -> str:
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
-    """Return what is searched for, of the options."""
     from benchmarks.robots.nav2 import usual_params
     from benchmarks.robots.played import length_and_angle, values_among
     from benchmarks.robots.search import Task, cut

@@ -9,7 +9,7 @@ from shlex import quote
 from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.commands import command, file, folder, option, switch
+from benchmarks.commands import command, option, path, switch
 from benchmarks.console import doing, say
 
 if TYPE_CHECKING:  # loaded when needed
@@ -37,7 +37,7 @@ def list_command(options: argparse.Namespace) -> str:
 
     from benchmarks.agents import AGENTS
     from benchmarks.setup.names import SCENARIOS, scenario
-    from benchmarks.sweeps.sweepfile import SUITES
+    from benchmarks.sweeps.sweepfile import SUITES, sweep_named
     from deqmcl_gym.validation import one_of
     from localizers import describe
     from localizers import names as localizer_names
@@ -48,20 +48,21 @@ def list_command(options: argparse.Namespace) -> str:
         if ":" not in options.kind and not options.kind.endswith(".py"):
             one_of("kind or localizer", options.kind, (*_KINDS, *localizers))
         return str(describe(options.kind))
+
+    def size(name: str) -> str:
+        sweep = sweep_named(name)
+        return f"{sweep.planned:,} trials on {sweep.trials} worlds: {sweep.title}"
+
     suites = dict.fromkeys((*(name for name in _FIRST if name in SUITES), *SUITES))
     kinds: dict[str, tuple[str, Iterable[str], Callable[[str], str]]] = {
-        "suites": ("deqmcl sweep NAME", suites, _suite),
+        "suites": ("deqmcl sweep NAME", suites, size),
         "localizers": ("deqmcl list NAME says what they take", localizers, _parameters),
         "scenarios": (
             "deqmcl sweep NAME, or --set scenario=NAME",
             SCENARIOS,
             lambda name: scenario(name).words,
         ),
-        "agents": (
-            "--set agent=NAME",
-            AGENTS,
-            lambda name: str(AGENTS[name].__doc__).partition("\n")[0],
-        ),
+        "agents": ("--set agent=NAME", AGENTS, lambda n: str(AGENTS[n].__doc__).partition("\n")[0]),
     }
     parts = []
     for kind in kinds if options.kind is None else [options.kind]:
@@ -73,13 +74,6 @@ def list_command(options: argparse.Namespace) -> str:
         table = tabulate(rows, tablefmt="plain", disable_numparse=True)
         parts.append(f"{kind.capitalize()} ({title})\n{table}")
     return "\n\n".join(parts)
-
-
-def _suite(name: str) -> str:
-    from benchmarks.sweeps.sweepfile import sweep_named
-
-    sweep = sweep_named(name)
-    return f"{sweep.planned:,} trials on {sweep.trials} worlds: {sweep.title}"
 
 
 def _parameters(name: str) -> str:
@@ -106,17 +100,16 @@ _OFFICE = (  # parameters of ``Office``, each with its own default
 
 
 def _new(parser: argparse.ArgumentParser) -> None:
-    """Add what can be new."""
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="localizer|map")
     words = "a file with a small working localizer, class MyLocalizer"
     localizer = kinds.add_parser("localizer", allow_abbrev=False, help=words)
-    option("file", type=file, metavar="FILE.py", help="the file; must not exist yet")(localizer)
+    option("file", type=path, metavar="FILE.py", help="the file; must not exist yet")(localizer)
     words = "an office from a seed: a ROS map of 0.1 m cells"
     office = kinds.add_parser("map", allow_abbrev=False, help=words, description=f"Write {words}.")
     for name, kind, meaning in _OFFICE:
         how: Any = {"action": "store_true"} if kind is bool else {"type": kind, "metavar": "N"}
         office.add_argument(f"--{name}", default=argparse.SUPPRESS, help=meaning, **how)
-    option("--out", type=folder, required=True, metavar="DIR", help="a new or empty folder")(office)
+    option("--out", type=path, required=True, metavar="DIR", help="a new or empty folder")(office)
 
 
 @command(_new)

@@ -17,12 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.execution.processes import (
-    GUEST_SECONDS,
-    Processes,
-    TimedOutError,
-    WorkerDiedError,
-)
+from benchmarks.execution.processes import GUEST_SECONDS, Processes, TimedOutError, WorkerDiedError
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Outcome, attempt, guest_of
 from deqmcl_gym.validation import InputError, in_words, integer, number
@@ -31,7 +26,6 @@ from localizers.registry import LOCALIZER
 
 TRIES = 3  # of a trial whose worker dies
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
-_CLOSE_SECONDS = 1
 _ALIKE = 64  # most trials of one episode that wait for the worker that has driven it
 _LOOK_SECONDS = 2
 _AGAIN = "finished trials are kept, run the command again for the rest"
@@ -149,7 +143,6 @@ def _attempt(packed: bytes | None, trial: Trial, key: str) -> Outcome:
 
 @contextmanager
 def _dask(scheduler: str) -> Iterator[Engine]:
-    """Connect to a cluster."""
     try:
         import distributed
     except ImportError:
@@ -176,7 +169,7 @@ def _dask(scheduler: str) -> Iterator[Engine]:
         yield Engine(submit=_sender(client.get_executor(retries=0)), slots=threads, lost=lost)
     finally:
         with contextlib.suppress(TimeoutError):
-            client.close(timeout=_CLOSE_SECONDS)
+            client.close(timeout=1)
 
 
 def available_cpus() -> int:

@@ -11,14 +11,8 @@ from deqmcl_gym.numerics.compiling import leave_untold
 
 leave_untold()
 load_trials()
-_SMALL = Trial(
-    scenario="paper",
-    localizer="deq-mcl",
-    params=Overrides({"particles": 2}),
-    lag=1,
-    seed=0,
-    trial=0,
-)
+_FEW = Overrides({"particles": 2})
+_SMALL = Trial(scenario="paper", localizer="deq-mcl", params=_FEW, lag=1, seed=0, trial=0)
 with contextlib.suppress(Exception):  # whatever it is, the trials will say so
     Stage.of(_SMALL).trace()
 code_digest()

@@ -24,7 +24,6 @@ from deqmcl_gym.validation import InputError, in_words
 # leave one of them locked. Its process is killed by then, and it dies with this one.
 _FAREWELL = 1.0
 _HELD = 8  # guests for whose next call a worker keeps a process
-_OOM_SCORE = "500"  # who is killed first when memory runs out: a worker, not its parent
 GUEST_SECONDS = 3600.0  # that a call of a guest may take if nobody says otherwise
 _Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
@@ -202,8 +201,8 @@ def work(line: Connection) -> None:
         os.register_at_fork(after_in_child=line.close)
     with contextlib.suppress(AttributeError, OSError):  # not on Windows
         os.setsid()
-    with contextlib.suppress(OSError):
-        Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
+    with contextlib.suppress(OSError):  # killed before its parent when memory runs out
+        Path("/proc/self/oom_score_adj").write_text("500")
     with contextlib.suppress(OSError):  # stderr is closed
         os.dup2(2, 1)
     unshelter()

@@ -109,46 +109,39 @@ def line(
     frame: pd.DataFrame,
     x: str,
     y: str,
-    low: str = "",
-    high: str = "",
-    *,
+    *ends: str,
     axes: "Axes | None" = None,
     band: bool = False,
     **how: Any,
 ) -> "Axes":
-    """Draw column y over x, a line per label, with intervals, if any, as bars or a ``band``."""
+    """Draw column y over x, a line per label; between two ``ends``, if any, bars or a ``band``."""
     axes = canvas() if axes is None else axes
     for label, (color, mark), rows in _labels(frame):
         style: dict[str, Any] = {"color": color, "label": label}
         style |= ({} if band else {"marker": mark, "ms": 5}) | how
         axes.plot(rows[x], rows[y], **style)
-        if low and band:
-            across, low_end, high_end = rows[[x, low, high]].astype(float).to_numpy().T
+        if not ends:
+            continue
+        across, low, high = rows[[x, *ends]].astype(float).to_numpy().T
+        if band:
             stepped: Any = {"step": "post"} if how.get("drawstyle") == "steps-post" else {}
-            axes.fill_between(across, low_end, high_end, color=color, alpha=0.15, lw=0, **stepped)
-        elif low:
-            axes.vlines(rows[x], rows[low], rows[high], color=color, lw=1)
+            axes.fill_between(across, low, high, color=color, alpha=0.15, lw=0, **stepped)
+        else:
+            axes.vlines(across, low, high, color=color, lw=1)
     _legend(axes)
     return axes
 
 
-def cells(
-    frame: pd.DataFrame,
-    x: str,
-    y: str,
-    square: str,
-    value: str,
-    text: str,
-    *,
-    least: float,
-    bold: str = "",
+def _cells(
+    frame: pd.DataFrame, over: tuple[str, str, str], value: str, text: str, least: float, bold: str
 ) -> "Figure":
-    """Draw rows as cells with words, x across, y upwards, a square per value of a third column.
+    """Draw rows as cells with words over columns: x across, y upwards, a square per value of z.
 
     They are blue above 0 and red below, fully from ``least`` or more on; ``bold`` is a column, too.
     """
     from matplotlib.figure import Figure
 
+    x, y, square = over
     across, upwards = (sorted(frame[name].unique()) for name in (x, y))
     squares = sorted(frame[square].unique(), key=lambda key: 0 if isinstance(key, str) else key)
     size = len(squares) * len(across) * 1.2 + 1, len(upwards) * 0.72 + 1
@@ -161,7 +154,7 @@ def cells(
         axes.imshow(shown, "RdBu", vmin=-1.6 * most, vmax=1.6 * most, aspect="auto", origin="lower")
         for row in rows.to_dict("records"):
             place = across.index(row[x]), upwards.index(row[y])
-            weight = "bold" if bold and row[bold] else "normal"
+            weight = "bold" if row[bold] else "normal"
             axes.text(*place, row[text], ha="center", va="center", size=9, weight=weight)
         axes.set_xticks(range(len(across)), [f"{v:g}" for v in across])
         axes.set_yticks(range(len(upwards)), [f"{v:g}" for v in upwards])
@@ -235,9 +228,7 @@ def points_chart(panel: Panel) -> Chart | None:
 
 def offset_chart(panel: Panel) -> Chart | None:
     """Error against the offset in the queue, over the same states for every offset."""
-    curves = [
-        errors_by_offset(records).assign(label=label) for label, records in panel.records.items()
-    ]
+    curves = [errors_by_offset(runs).assign(label=label) for label, runs in panel.records.items()]
     if all(len(curve) < 2 for curve in curves):
         return None
     axes = line(panel.labelled(pd.concat(curves)), "offset", "mean", "low", "high")
@@ -311,9 +302,8 @@ def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
         shared = frozenset.intersection(*groups)
         groups = {rest: members for rest, members in groups.items() if len(members) > 1}
         for rest, members in groups.items():
-            where = ", ".join(
-                f"{name_of(name)} {value}" for name, value in sorted(rest - shared, key=str)
-            )
+            fixed = sorted(rest - shared, key=str)
+            where = ", ".join(f"{name_of(name)} {value}" for name, value in fixed)
             rows = pd.concat(
                 panels[n].ranked.assign(**{key: places[n][key]}).sort_index() for n in members
             ).sort_values(key, kind="stable")
@@ -359,10 +349,7 @@ def _together(key: str, other: str, places: Sequence[dict[str, Any]]) -> bool:
     return bool(pairs) and len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
 
 
-def _curve(
-    rows: pd.DataFrame, key: str, others: Sequence[str], where: str, aim: Score | None
-) -> Chart:
-    """The score over one number."""
+def _curve(rows: pd.DataFrame, key: str, others: list[str], where: str, aim: Score | None) -> Chart:
     scale, unit = (1, "error e of x[t]") if aim is None else (100, "% of runs")
     numbers = ["score", "score_low", "score_high"]
     rows[numbers] = rows[numbers].astype(float) * scale
@@ -389,21 +376,16 @@ def _curve(
     return Chart("curve", f"{of} over {swept}{place}", caption, axes.figure)
 
 
-def _maps(
-    panels: Sequence[Panel], places: Sequence[dict[str, Any]], keys: Sequence[str]
-) -> list[Chart]:
+def _maps(panels: Sequence[Panel], places: list[dict[str, Any]], keys: list[str]) -> list[Chart]:
     """Maps over two numbers of the share of runs, over three of each test of each method."""
     names = {key: f"{key}, °" if key == _ANGLE else name_of(key) for key in keys}
     frame = pd.concat(
-        panel.present.assign(
-            **{
-                name: np.degrees(place[key]).round(1) if key == _ANGLE else place[key]
-                for key, name in names.items()
-            }
-        )
+        panel.present.assign(**{name: place[key] for key, name in names.items()})
         for panel, place in zip(panels, places, strict=True)
         if all(key in place for key in keys)
     )
+    if _ANGLE in names:
+        frame[names[_ANGLE]] = np.degrees(frame[names[_ANGLE]]).round(1)
     x, y, *squares = names.values()
     if not squares:
         return [_share_map(frame, x, y, panels[0].aim)] if panels[0].aim else []
@@ -418,13 +400,13 @@ def _maps(
 def _regimes(rows: pd.DataFrame, axes: tuple[str, str, str], score: Score, number: int) -> Chart:
     """A map of where a method is ahead of its baseline in a score."""
     name, share = score.name, score.unit == "share"
-    differences = means(
-        rows, f"{name}_diff", "+.0f" if share else "+.1f", scale=100 if share else 1
-    )
+    form, scale = ("+.0f", 100) if share else ("+.1f", 1)
+    differences = means(rows, f"{name}_diff", form, scale=scale)
     rows["words"] = [
         cell.replace(" (", f"{' *' * clear}\n(")
         for cell, clear in zip(differences, rows[f"{name}_p_holm"] < ALPHA, strict=True)
     ]
+    rows["bold"] = False
     rows["ahead"] = (-1 if score.censored else 1) * rows[f"{name}_diff"].fillna(0)
     return Chart(
         f"regimes-{name.replace('_', '-')}-{number}",
@@ -432,12 +414,11 @@ def _regimes(rows: pd.DataFrame, axes: tuple[str, str, str], score: Score, numbe
         f"Difference to the baseline in {'points' if share else 'metres'}, and its 95 % interval. "
         "Blue: ahead; red: behind; *: p < 0.05, corrected for the tests of a setting, not for the "
         "number of settings.",
-        cells(rows, *axes, "ahead", "words", least=0.1 if share else 1.0),
+        _cells(rows, axes, "ahead", "words", 0.1 if share else 1.0, "bold"),
     )
 
 
 def _share_map(frame: pd.DataFrame, x: str, y: str, aim: Score) -> Chart:
-    """A map of the share of runs for each method."""
     shares = [cell.replace(" (", "\n(") for cell in means(frame, aim.name, ".0f", " %", 100)]
     method, share = frame["label"].astype(str), frame[aim.name].astype(float)
     rows = frame.assign(method=method, share=share, words=shares, mostly=share >= _MOSTLY)
@@ -446,5 +427,5 @@ def _share_map(frame: pd.DataFrame, x: str, y: str, aim: Score) -> Chart:
         f"Runs {aim.words}",
         "Share of runs, and Wilson's 95 % interval, with every value of the two numbers; "
         f"{percent(_MOSTLY)} or more is bold.",
-        cells(rows, x, y, "method", "share", "words", least=1.0, bold="mostly"),
+        _cells(rows, (x, y, "method"), "share", "words", 1.0, "mostly"),
     )

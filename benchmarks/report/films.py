@@ -65,7 +65,7 @@ _LINE = 24  # image pixels per line of text
 _SIZE = 0.5  # of letters: legible where two rooms are a column wide
 _LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
 _ARM = 5.0  # image pixels of the cross at the mean, right and up
-LAP_STRIDE, LAP_MILLISECONDS = 4, 120  # steps per frame of a lap, and how long it is shown
+LAP_STRIDE, _LAP_MILLISECONDS = 4, 120  # steps per frame of a lap, and how long it is shown
 _STRIDE, _MILLISECONDS = 8, 200  # of a film in a page
 _PATIENCE = 300.0  # seconds for one of these
 _IN_PAPER = "mcl", "deq-mcl"  # methods in its figures
@@ -154,12 +154,10 @@ def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
 
 def png(image: Image) -> bytes:
     """Return an RGB image as PNG."""
-    done, content = cv2.imencode(".png", image[:, :, ::-1])
-    assert done, "OpenCV encodes any RGB image as PNG"
-    return content.tobytes()
+    return cv2.imencode(".png", image[:, :, ::-1])[1].tobytes()
 
 
-def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
+def webp(frames: Sequence[Image], milliseconds: int = _LAP_MILLISECONDS) -> bytes:
     """Return RGB images as an endless WebP without loss, which would leave ghosts."""
     first, *others = map(PIL.Image.fromarray, _level(frames))
     buffer = io.BytesIO()
@@ -243,9 +241,7 @@ def way_of_plan(pose: Reals, plan: Reals) -> Floats:
     return np.vstack([pose[:2], pose[:2] + np.cumsum(steps, axis=0)])
 
 
-def _captioned(
-    drawing: Drawing, words: Sequence[str], legend: Sequence[tuple[str, Color]]
-) -> Image:
+def _captioned(drawing: Drawing, words: Sequence[str], legend: list[tuple[str, Color]]) -> Image:
     """Return the drawing above lines of words and a legend."""
     left, (width, below) = drawing.view.margin, drawing.view.size
     rows: list[list[tuple[str, Color]]] = [[]]
@@ -287,7 +283,7 @@ def write_paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
             for method in shown
         ]
         frames = [side_by_side(row) for row in zip(*laps, strict=True)]
-        contents["lap.webp"] = webp(frames, LAP_MILLISECONDS)
+        contents["lap.webp"] = webp(frames)
     return write_files(folder, contents)
 
 

@@ -18,15 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.files import own_folder, write_files
-from benchmarks.report.films import (
-    LAP_MILLISECONDS,
-    LAP_STRIDE,
-    Film,
-    best_of,
-    camera_of,
-    way_of_plan,
-    webp,
-)
+from benchmarks.report.films import LAP_STRIDE, Film, best_of, camera_of, way_of_plan, webp
 from benchmarks.tables.text import short_name, short_names, state_name
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import directions
@@ -49,11 +41,8 @@ _MAP, _BASE = "map", "base_link"
 _WALL, _UNKNOWN, _FREE = (31, 35, 40, 255), (176, 184, 192, 255), (255, 255, 255, 255)
 _GREEN, _BLACK = (0.0, 0.62, 0.45), (0.12, 0.14, 0.16)
 _NUMBERS = ("step", "quality", "trusted", "position_error_m", "heading_error_deg")
-_SERIES = {
-    "type": "object",
-    "title": "deqmcl.Series",
-    "properties": {name: {"type": "number"} for name in _NUMBERS},
-}
+_SERIES: dict[str, Any] = {"type": "object", "title": "deqmcl.Series"}
+_SERIES["properties"] = {name: {"type": "number"} for name in _NUMBERS}
 
 
 class Messages:
@@ -284,7 +273,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str
     with showing(mcap, {short_name(title): film.of(stage.moments())}, stage) as rows:
         trace = Trace((moment for (moment,) in rows), trial.offsets, stage.task)
     files = {
-        "lap.webp": webp(film.frames, LAP_MILLISECONDS),
+        "lap.webp": webp(film.frames),
         "error.csv": _curves_csv(trace).encode(),
     } | trajectories(trace)
     if log is not None:

@@ -56,13 +56,9 @@ _LATEX = str.maketrans(
 
 def no_report() -> str | None:
     """Say why a report cannot be made here, naming the pip command; None if it can."""
-    missing = [name for name in ("jinja2", "matplotlib") if find_spec(name) is None]
-    if not missing:
-        return None
-    return (
-        f"a report needs {' and '.join(missing)}, which is not installed: "
-        "pip install 'deqmcl-gym[report]'."
-    )
+    missing = " and ".join(name for name in ("jinja2", "matplotlib") if find_spec(name) is None)
+    why = f"a report needs {missing}, which is not installed: pip install 'deqmcl-gym[report]'."
+    return why if missing else None
 
 
 def require_report() -> None:
@@ -229,10 +225,7 @@ def latex_files(results: Results) -> dict[str, bytes]:
     world = next((panel.world for panel in results.panels), "world")
     tex = template.render(command=command_line(results.command), tables=shown, world=world)
     cited = (files(__package__) / "references.bib").read_text(encoding="utf-8")
-    return {
-        "tables.tex": utf8(tex),
-        "references.bib": utf8(cited.replace("VERSION", __version__)),
-    }
+    return {"tables.tex": utf8(tex), "references.bib": utf8(cited.replace("VERSION", __version__))}
 
 
 def pdf_files(results: Results) -> dict[str, bytes]:

@@ -41,7 +41,7 @@ COMPARISONS = tuple(
     for end in ("diff", "diff_low", "diff_high", "p_holm")
 )
 NUMBERS = ("seeds", "failed", *_SUMMARY, *COMPARISONS)  # columns of results.csv
-REACHED = f"success_{FOUND}"
+_REACHED = f"success_{FOUND}"
 
 
 def runs_frame(
@@ -55,11 +55,9 @@ def runs_frame(
             scores = dict.fromkeys(_SCORES, math.nan)  # of a record made before a score was added
             scores |= {name: v for name, v in record.track.scores.items() if v is not None}
             scores |= {score.name: value_in(record, score) for score in _OF_RUNS}
-            track = record.track.on(log)
-            rows.append(
-                {"label": label, "seed": record.trial.trial, "track": track, **scores}
-                | {"ms_per_step": milliseconds_per_step([record])}
-            )
+            scores["ms_per_step"] = milliseconds_per_step([record])
+            run = {"label": label, "seed": record.trial.trial, "track": record.track.on(log)}
+            rows.append(run | scores)
         rows += [{"label": label, "seed": -1, "track": None}] * failed.get(label, 0)
     return pd.DataFrame(rows, columns=["label", "seed", "track", *_SCORES])
 
@@ -99,7 +97,7 @@ def _scores(runs: pd.DataFrame, seeds: int) -> dict[str, float]:
     near = np.concatenate([errors.translation[at] for errors, at in off])
     turned = np.concatenate([errors.rotation[at] for errors, at in off])
     shares = {f"success_{name}": scores[f"success_{name}"] * len(runs) / seeds for name in NEAR}
-    low, high = wilson(shares[REACHED], seeds)
+    low, high = wilson(shares[_REACHED], seeds)
     metres = [*runs["metres_to_localize"], *[math.inf] * (seeds - len(runs))]
     return scores | {
         "position_median": middle(position),
@@ -108,8 +106,8 @@ def _scores(runs: pd.DataFrame, seeds: int) -> dict[str, float]:
         "position_median_stamps": middle(near),
         "heading_median_stamps": middle(turned),
         **shares,
-        f"{REACHED}_low": low,
-        f"{REACHED}_high": high,
+        f"{_REACHED}_low": low,
+        f"{_REACHED}_high": high,
         "metres_to_localize": float(np.median(metres)),
         "ms_per_step": float(runs["ms_per_step"].median()),
     }
@@ -257,12 +255,8 @@ def _labels(trials: Sequence[Trial]) -> list[str]:
     short, shared = short_names(set(names)), dict[str, Set[tuple[str, Any]]]()
     for name, place in zip(names, places, strict=True):
         shared[name] = shared.get(name, place) & place
-    return [
-        " ".join(
-            [
-                short[name],
-                *(f"{n} {v}" for n, v in sorted(place - shared[name]) if n not in _ERRORS),
-            ]
-        )
-        for name, place in zip(names, places, strict=True)
-    ]
+    labels = []
+    for name, place in zip(names, places, strict=True):
+        others = (f"{n} {v}" for n, v in sorted(place - shared[name]) if n not in _ERRORS)
+        labels.append(" ".join([short[name], *others]))
+    return labels

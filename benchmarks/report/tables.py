@@ -6,6 +6,7 @@ A column is a list of cells, in the order of the rows that it is made of.
 import math
 import re
 from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from html import escape
 from typing import Any, NamedTuple
 
@@ -29,8 +30,6 @@ from benchmarks.trials.scores import LEVELS, Score, ScoreGroup
 _MARKED = {"better": "▼", "worse": "▲", "inconclusive": "○", "open": "○"}
 _MARKED |= dict.fromkeys(("equivalent", "equal"), "=")
 _OF_SHARES = {"better": "worse", "worse": "better"}  # the larger is better
-
-Cells = dict[str, list[str]]  # by the title of their column
 
 
 class Table(NamedTuple):
@@ -103,9 +102,8 @@ def means(
     def write(*ends: float) -> str:
         return estimated(Interval(*(scale * float(end) for end in ends)), form, unit)
 
-    return words(
-        rows, write, *(end for end in (name, f"{name}_low", f"{name}_high") if end in rows)
-    )
+    ends = [end for end in (name, f"{name}_low", f"{name}_high") if end in rows]
+    return words(rows, write, *ends)
 
 
 def differences(
@@ -121,8 +119,7 @@ def dashed(write: Callable[[float], str]) -> Callable[[float], str]:
     return lambda value: "–" if math.isnan(value) else write(value)
 
 
-def _tenths(share: float) -> str:
-    return percent(share, 1)
+_tenths = partial(percent, digits=1)
 
 
 def _mean_sd(mean: float, sd: float) -> str:
@@ -131,7 +128,7 @@ def _mean_sd(mean: float, sd: float) -> str:
 
 def verdict_table(panel: Panel) -> Table:
     """The methods, the best first, and how they compare with the baseline."""
-    rows, aim, unit = panel.ranked, panel.aim, panel.unit
+    rows, aim, unit = panel.ranked, panel.aim, panel.first.unit
     plug_ins = plug_in_labels(panel)
     names = [
         label + (" (baseline)" if itself else " (plug-in)" if label in plug_ins else "")
@@ -141,10 +138,9 @@ def verdict_table(panel: Panel) -> Table:
     relation = {"verdict": list(rows["relation"])}
     if panel.rule:
         decided = differences(rows, "decided", "+.1f", " points" if aim else " %", 100)
+        decided = [re.sub(r" \(.*inf.*\)", "", cell) for cell in decided]
         numbers = {
-            f"difference to the baseline ({AT_ALL_LOOKS})": [
-                re.sub(r" \(.*inf.*\)", "", cell) for cell in decided
-            ],
+            f"difference to the baseline ({AT_ALL_LOOKS})": decided,
             **relation,
             "after worlds": words(rows, dashed("{:.0f}".format), "decided_worlds"),
             **({aim.words: words(rows, percent, "score")} if aim else error),
@@ -193,8 +189,8 @@ def journey_table(panel: Panel, group: ScoreGroup) -> Table | None:
     return Table(group.name, pd.DataFrame(columns), about=tested)
 
 
-def _score_columns(rows: pd.DataFrame, score: Score) -> Cells:
-    """A score of whole runs, and how it compares with the baseline's."""
+def _score_columns(rows: pd.DataFrame, score: Score) -> dict[str, list[str]]:
+    """A score of whole runs, and how it compares with the baseline's, by title of the column."""
     name, share = score.name, score.unit == "share"
     scale, unit = (100, "percentage points") if share else (1, score.unit)
     digits = {"share": 0, "m": 1, "steps": 1}.get(score.unit, 2)
@@ -238,7 +234,7 @@ def calibration_table(panel: Panel) -> Table:
     columns = {
         "method": list(rows["label"]),
         "belief about": words(rows, state_name, "offset"),
-        f"energy score, {panel.unit}": words(rows, fixed, "energy_score"),
+        f"energy score, {panel.first.unit}": words(rows, fixed, "energy_score"),
         **{f"inside {at} %": means(rows, f"coverage_{at}", ".0f", " %", 100) for at in LEVELS},
         "NEES (3)": words(rows, nees_words, "nees", "nees_low", "nees_high"),
         "entropy, nats": [cell.replace("-", "−") for cell in words(rows, fixed, "entropy")],
@@ -256,7 +252,8 @@ def nees_words(*ends: float) -> str:
 
 def detection_table(panel: Panel) -> Table | None:
     """The AUROC of each method; None if none has one: no quality, or no step far, or all."""
-    rows, far = panel.present, f"e > {panel.thresholds.far:g} {panel.unit}"
+    rows, first = panel.present, panel.first
+    far = f"e > {first.thresholds.far:g} {first.unit}"
     if rows["auroc"].isna().all():
         return None
 

@@ -5,21 +5,13 @@
 
 import math
 from collections.abc import Callable, Collection
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from benchmarks.report.charts import INK, Chart, canvas, line
-from benchmarks.report.runs import (
-    REACHED,
-    ended,
-    middle_run,
-    runs_frame,
-    scores_by_localizer,
-    worst_run,
-)
+from benchmarks.report.runs import ended, middle_run, runs_frame, scores_by_localizer, worst_run
 from benchmarks.report.tables import Part, Table, means, nees_words, words
 from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
@@ -87,7 +79,10 @@ def tables_of(runs: pd.DataFrame, without: Collection[str] = ()) -> list[Table]:
         return []
 
     def cells(name: str, write: Callable[[float], str]) -> list[str]:
-        return words(rows, partial(_score_words, write), name)
+        return [  # metres that are infinite were never enough
+            write(score) if math.isfinite(score) else "n/a" if math.isnan(score) else "never"
+            for score in rows[name]
+        ]
 
     def counts(name: str, of: pd.Series) -> list[str]:
         shares = zip(rows[name], of, strict=True)
@@ -96,10 +91,8 @@ def tables_of(runs: pd.DataFrame, without: Collection[str] = ()) -> list[Table]:
     metres = "{:.3f} m".format
     first = {"localizer": list(rows["label"]), "runs": words(rows, str, "seeds")}
     timed = {"ms per step": cells("ms_per_step", "{:.2f}".format)}
-    fitting = {
-        "beams within 0.1 m": cells("agreement_01", percent),
-        "0.3 m": cells("agreement_03", percent),
-    }
+    fitting = {"beams within 0.1 m": cells("agreement_01", percent)}
+    fitting["0.3 m"] = cells("agreement_03", percent)
     if not any(track.known.size for track in tracks):
         return [Table("agreement", pd.DataFrame(first | fitting | timed))]
     results = {
@@ -134,13 +127,6 @@ def tables_of(runs: pd.DataFrame, without: Collection[str] = ()) -> list[Table]:
     ]
 
 
-def _score_words(write: Callable[[float], str], value: float) -> str:
-    """Write a score; metres that are infinite were never enough."""
-    if not math.isfinite(value):
-        return "n/a" if math.isnan(value) else "never"
-    return write(value)
-
-
 def _degrees(angle: float) -> str:
     return f"{math.degrees(angle):.2f}°"
 
@@ -151,9 +137,8 @@ def accuracy(runs: pd.DataFrame) -> list[str]:
     referenced = done[[bool(track.known.size) for track in done["track"]]]
     if referenced.empty:
         return []
-    rows = scores_by_localizer(runs[runs["label"].isin(referenced["label"])]).sort_values(
-        "position_median"
-    )
+    compared = runs[runs["label"].isin(referenced["label"])]
+    rows = scores_by_localizer(compared).sort_values("position_median")
     errors = ", ".join(words(rows, "{} {:.3f} m".format, "label", "position_median"))
     worst = worst_run(referenced)
     remark = f"Worst run: {_whose(worst, runs)}: {run_words(worst)}"
@@ -229,7 +214,7 @@ def run_words(run: pd.Series) -> str:
     within = f"{percent(run[f'within_{FOUND}'])} of its records are within 1 m and 30°"
     most = f"its largest error is {_largest(run):.2f} m"
     if track.lost is None:
-        end = "to" if run[REACHED] else "at"  # of the last quarter, or only lately
+        end = "to" if run[f"success_{FOUND}"] else "at"  # of the last quarter, or only lately
         for first, last in sorted(track.astray, key=np.ptp)[-1:]:
             within += f", the longest stretch beyond from {first:.1f} to {last:.1f} m"
         return f"localized {end} the end; {within}, {most}."

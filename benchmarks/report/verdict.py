@@ -13,18 +13,11 @@ from benchmarks.tables import stats
 from benchmarks.tables.comparison import RELATIONS
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, Interval
-from benchmarks.tables.text import (
-    BLIND,
-    estimated,
-    interval,
-    p_value,
-    percent,
-    short_name,
-    significant,
-)
+from benchmarks.tables.text import estimated, interval, p_value, percent, short_name, significant
 from deqmcl_gym.validation import amount
 
 AT_ALL_LOOKS = "95 % at all looks"  # what an interval of a decided comparison is
+_BLIND = "dead-reckoning"  # uses no scan, so that it localizes nothing
 _COVERAGE_APART = 0.1  # difference of shares inside a region that is worth a sentence
 
 
@@ -47,7 +40,7 @@ def verdict_on(panel: Panel) -> str:
     sentences = [_sentence(panel, ranked)]
     worse = ranked.loc[ranked["relation"] == "worse", "label"]
     if winner.relation == "better":
-        if winner.method == BLIND and len(filters := ranked[ranked["method"] != BLIND]):
+        if winner.method == _BLIND and len(filters := ranked[ranked["method"] != _BLIND]):
             sentences.append(f"Of the methods that use scans: {_sentence(panel, filters)}")
     elif worse.empty:
         sentences = [_on_a_log(panel) or sentences[0]]
@@ -178,7 +171,7 @@ def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
 
 def _brief(panel: Panel, row: Any) -> str:
     if panel.aim is None:
-        return f"{significant(row.score)} {panel.unit}"
+        return f"{significant(row.score)} {panel.first.unit}"
     success, _, _ = panel.aim.words.partition(" (")  # without how that is measured
     return f"{success} in {percent(row.score)} of runs"
 
@@ -252,10 +245,7 @@ def _on_a_log(panel: Panel) -> str:
 
 def _unfitted(panel: Panel) -> list[str]:
     """Methods with default assumptions beside others that are fitted to a part of the log."""
-    untuned = [
-        label
-        for label, method in panel.methods.items()
-        if method.name == "amcl" and "alpha1" not in method.params
-    ]
+    methods = panel.methods.items()
+    untuned = [name for name, m in methods if m.name == "amcl" and "alpha1" not in m.params]
     fitted = "scan.power" in panel.setting.assumed and "judged" in panel.setting.world
     return untuned[:1] if fitted and len(panel.methods) > len(untuned) else []

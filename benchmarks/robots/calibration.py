@@ -66,10 +66,8 @@ def with_fitted_power(replay: Replay) -> Replay:
     world = {name: v for name, v in replay.world.items() if name != "judged"}
     world["start"] = int(np.flatnonzero(same)[0])
     with doing("fitting the power of the scan model to the first part of the log"):
-        tried = {
-            power: _measured(world, Overrides(assumed | {"scan.power": power}), count)
-            for power in _POWERS
-        }
+        with_power = {power: Overrides(assumed | {"scan.power": power}) for power in _POWERS}
+        tried = {power: _measured(world, noise, count) for power, noise in with_power.items()}
     scores = {power: score for power, (score, error) in tried.items() if error <= _NEAR}
     if not scores:
         words = (
@@ -149,7 +147,7 @@ def doubts_of(played: LogScenario) -> list[str]:
         stamps, poses = whole.times[whole.posed], whole.reference[whole.posed]
         if (file := played.env.get("reference")) is not None:
             stamps, poses = (read := read_tum(located(file))).times, read.poses
-    if late := late_words("the reference", whole.times, whole.odometry, stamps, poses):
+    if late := late_words("the reference", whole.times, whole.odometry, stamps, poses, "odometry"):
         return [late]
     return doubts_by(log, floor_plan)
 
@@ -161,12 +159,7 @@ def doubts_by(log: Log, floor_plan: Map) -> list[str]:
 
 
 def late_words(
-    what: str,
-    times: Floats,
-    odometry: Floats,
-    stamps: Floats,
-    poses: Floats,
-    clock: str = "odometry",
+    what: str, times: Floats, odometry: Floats, stamps: Floats, poses: Floats, clock: str
 ) -> str | None:
     """Say how late poses are, by when they turn and the odometry does; None if they hardly are.
 
@@ -309,8 +302,6 @@ def _least(
         around = (best + sign * step for step in sizes for sign in (1, -1))
         before, best = best, min((best, *around), key=lambda at: cost(at).sum())
         sizes = sizes / 2 if best is before else sizes
-    bends = [
-        (slopes(best + step) - slopes(best - step)).sum(axis=1) * 2 for step in np.diag(steps) / 4
-    ]
-    inverse = np.linalg.pinv(np.array(bends))
+    bends = [slopes(best + step) - slopes(best - step) for step in np.diag(steps) / 4]
+    inverse = np.linalg.pinv(np.array(bends).sum(axis=2) * 2)
     return best, np.sqrt(np.diag(inverse @ slopes(best) @ slopes(best).T @ inverse.T)) * steps

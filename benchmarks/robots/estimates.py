@@ -164,16 +164,11 @@ def score(
     theirs = pd.concat(runs_of(label, estimate, by) for label, estimate in estimates.items())
     runs = pd.concat([*ours, theirs])
     table = tracks_table(runs, None)
-    contents = {
-        "results.csv": utf8(csv_of(table)),
-        "trials.csv": utf8(csv_of(tracks_trials(runs))),
-    }
+    contents = {"results.csv": utf8(csv_of(table)), "trials.csv": utf8(csv_of(tracks_trials(runs)))}
     files = write_files(own_folder(out, "results.csv"), contents)
     plain = theirs[theirs["label"].isin(estimates)]
-    covered = {
-        label: np.isfinite(track.best[:, 0])
-        for label, track in plain[["label", "track"]].to_numpy()
-    }
+    tracks = plain[["label", "track"]].to_numpy()
+    covered = {label: np.isfinite(track.best[:, 0]) for label, track in tracks}
     warnings: list[str | None] = [
         f"{label} covers {poses.sum():,} of the {poses.size:,} records, {percent(poses.mean())}: "
         "at the others it is not localized; errors are those of the records that it covers."
@@ -185,7 +180,7 @@ def score(
         whose = "odometry"
         if by.whole.reference is not None:
             reference = by.whole.times[posed], by.whole.reference[posed]
-            warnings.append(late_words("the reference", *clock, *reference))
+            warnings.append(late_words("the reference", *clock, *reference, whose))
         how = (
             f"Scored at {len(by.log):,} records of {Path(by.log.source).name}: the last pose of "
             "the estimate, carried on by the odometry since."

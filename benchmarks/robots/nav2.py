@@ -267,10 +267,8 @@ def _tables(document: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, di
 
 def _fitting(name: str, patterns: Iterable[str]) -> list[str]:
     """Return the names and wildcards that fit a node, in order."""
-    regexes = {
-        p: re.escape(p).replace(r"/\*\*", "(/[^/]+)*").replace(r"/\*", "/[^/]+") for p in patterns
-    }
-    return [pattern for pattern, regex in regexes.items() if re.fullmatch(regex, name)]
+    regexes = ((p, re.escape(p).replace(r"/\*\*", "(/[^/]+)*")) for p in patterns)
+    return [p for p, regex in regexes if re.fullmatch(regex.replace(r"/\*", "/[^/]+"), name)]
 
 
 def _node_named(nodes: _Nodes, path: Path, asked: str | None) -> str:

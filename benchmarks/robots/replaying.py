@@ -1,6 +1,5 @@
 """``deqmcl replay``: a sweep over runs of localizers on one log, with tracks and its own CSV."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -238,20 +237,11 @@ def replay(
     with knowing(factories), ExitStack() as stack:
         folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/replay")
         plan = planned(log, map, names, settings=as_toml(settings), nav2=amcl, **how)
-        played = run_replay(
-            plan, folder, options, command, residuals=residuals, paged=out is not None
-        )
-    return played if out is not None else dataclasses.replace(played, written="")
+        return run_replay(plan, folder, options, command, residuals, paged=out is not None)
 
 
 def run_replay(
-    plan: Planned,
-    out: Path,
-    options: Options,
-    command: Sequence[str],
-    *,
-    residuals: bool = False,
-    paged: bool = True,
+    plan: Planned, out: Path, options: Options, command: Sequence[str], residuals: bool, paged: bool
 ) -> ReplayResults:
     """Run what is missing, write the folder, with pictures if ``paged``, and return all of it.
 
@@ -259,11 +249,9 @@ def run_replay(
     is written all the same.
     """
     replay, sweep, drawn = plan.replay, plan.sweep, paged and no_report() is None
-    with begun(sweep, out, options, command=command) as running:
-        shown = [
-            *plan.warnings,
-            *warn([replay.sideways, *calibration.doubts_of(replay.scenario), touches(replay)]),
-        ]
+    with begun(sweep, out, options, command) as running:
+        doubts = [replay.sideways, *calibration.doubts_of(replay.scenario), touches(replay)]
+        shown = [*plan.warnings, *warn(doubts)]
         results = running.results()
         records, failed = dict[str, list[Finished]](), dict[str, int]()
         for method in sweep.localizers:
@@ -272,9 +260,8 @@ def run_replay(
         runs = runs_frame(records, failed, replay.log)
         if not replay.log.referenced.size and len(done := ended(runs)):
             where = "from the poses that the best run estimates"
-            shown += warn(
-                [calibration.misfit_words(max(done["agreement_03"]), where, replay.log.scanner)]
-            )
+            agreed, scanner = max(done["agreement_03"]), replay.log.scanner
+            shown += warn([calibration.misfit_words(agreed, where, scanner)])
         wrong = residuals_of(replay, runs) if residuals else None
         with doing(f"writing the report in {out}" if paged else "scoring the runs"):
             contents = {
@@ -303,8 +290,8 @@ def run_replay(
     texts += [table.text() for table in (first, *differences, *others)]
     texts += [*replay.facts, *published(runs)]
     names = ", ".join(path.name for path in files if path.parent == out)
-    written = [f"Written to {out}: {names} and {_TRACKS}/."]
-    written += [] if drawn else [f"Tables only: {no_report()}"]
+    written = [f"Written to {out}: {names} and {_TRACKS}/."] if paged else []
+    written += [f"Tables only: {no_report()}"] if paged and not drawn else []
     return ReplayResults(runs, results, "\n\n".join(texts), "\n\n".join(written))
 
 

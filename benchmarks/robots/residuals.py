@@ -75,7 +75,7 @@ class Residuals:
     @cached_property
     def _fit(self) -> scan_fits.Fit:
         floor_plan = scan_fits.known_part(self.floor_plan)
-        return scan_fits.Expected.of(floor_plan, self.lidar, self.poses).fit(self.ranges)
+        return scan_fits.Fit.of(floor_plan, self.lidar, self.poses, self.ranges)
 
     @cached_property
     def used(self) -> Bools:
@@ -97,7 +97,7 @@ class Residuals:
         used, fit, length = self.used, self._fit, metre(self.floor_plan.unit)
         rays = scan_fits.Rays.of(self.lattice, self.lidar, self.poses[used])
         ranges, expected = self.ranges[used].astype(np.float64), fit.expected[used]
-        returned, short, long = fit.returned[used], fit.short[used], fit.long[used]
+        returned, short, fits = fit.returned[used], fit.short[used], fit.fits[used]
         clear = scan_fits.CLEAR * length
         ends = np.column_stack([points.ravel() for points in rays.points(ranges)])
         hit = short & scan_fits.known_part(self.floor_plan).free(ends).reshape(short.shape)
@@ -106,11 +106,11 @@ class Residuals:
         hit[hit] = solid.distance(ends[hit.ravel()]) > clear
         walls = rays.cells(expected + 0.25 * self.lattice.cell)  # just inside the wall
         with np.errstate(invalid="ignore"):
-            ended_there = returned & ~short & ~long & (np.abs(ranges - expected) <= clear)
+            ended_there = fits & (np.abs(ranges - expected) <= clear)
         passed = rays.passed(np.where(returned, ranges - clear, 0.0))
         stopped = scan_fits.count(walls[ended_there], self.lattice)
         numbers = _numbered(self.poses[used], scan_fits.APART * length)
-        seen = {HIT: (rays.cells(ranges), hit, passed), THROUGH: (walls, long, stopped)}
+        seen = {HIT: (rays.cells(ranges), hit, passed), THROUGH: (walls, fit.long[used], stopped)}
         places = list[Place]()
         for kind, (cells, against, agreed) in seen.items():
             poses = numbers[np.nonzero(against)[0]]
@@ -159,15 +159,14 @@ class Residuals:
     def spread(self) -> str:
         """Whether residuals are at walls everywhere, or of things that moved, in words."""
         fit, ranges, unit = self._fit, self.ranges[self.used], self.floor_plan.unit
-        short, long = fit.short[self.used], fit.long[self.used]
-        fits = fit.returned[self.used] & ~short & ~long
+        fits = fit.fits[self.used]
         if not fits.any():
             return ""
         rays = scan_fits.Rays.of(self.lattice, self.lidar, self.poses[self.used])
         x, y = rays.points(ranges)
         off = scan_fits.known_part(self.floor_plan).distance(np.column_stack([x[fits], y[fits]]))
         cell = getattr(self.floor_plan, "resolution", _CELL * metre(unit))
-        blur, against = float(np.median(off)), int((short | long).sum())
+        blur, against = float(np.median(off)), int((fit.short | fit.long)[self.used].sum())
         things = sum(place.beams for place in self.places) / max(against, 1)
         words = "what does not fit is scattered, as people and edges are"
         if blur > _BLURRED * cell:
@@ -223,15 +222,12 @@ class Residuals:
                 at = self.lattice.centres(np.concatenate(cells)).T
                 axes.plot(*at, mark, color=color, ms=size, mew=0, label=kind)
         for number, place in enumerate(self.places[:_LISTED], 1):
-            axes.annotate(
-                str(number), (place.x, place.y), (5, 5), textcoords="offset points", size=8
-            )
+            centre = place.x, place.y
+            axes.annotate(str(number), centre, (5, 5), textcoords="offset points", size=8)
         axes.figure.legend(loc="outside lower center", ncols=3, frameon=False)
         listed = min(len(self.places), _LISTED)
-        caption = f"Numbers: the first {listed} places, as in the table."
-        return Chart(
-            "residuals", HEADING, caption if listed else "No place was found.", axes.figure
-        )
+        words = f"Numbers: the first {listed} places, as in the table."
+        return Chart("residuals", HEADING, words if listed else "No place was found.", axes.figure)
 
     @property
     def part(self) -> Part:

@@ -18,22 +18,43 @@ APART = 0.5  # m between poses that count as different ones
 
 
 class Fit(NamedTuple):
-    """How each beam of scans fits a map, seen from poses, (n, B) each."""
+    """How each beam of scans fits a map, seen from poses, (n, B) each.
+
+    A beam that grazes a wall, or passes its corner, reads something else from 0.1 m beside: a
+    reading contradicts the map if it clearly differs from what is read from all poses nearby.
+    """
 
     expected: Reals  # ∞ where only unknown cells or nothing is met
     returned: Bools  # reflected within range
     short: Bools  # that, and clearly less than from every pose nearby
     long: Bools  # that, and clearly more
 
-    def share(self, which: Bools) -> Floats:
-        """Share of the returns of each scan that are ``which``, (n,); NaN without a return."""
-        with np.errstate(invalid="ignore"):
-            return np.asarray((which & self.returned).sum(axis=1) / self.returned.sum(axis=1))
+    @classmethod
+    def of(cls, floor_plan: Map, lidar: Lidar, poses: Reals, ranges: Reals) -> "Fit":
+        """Return how scans (n, B) from poses (n, 3) fit a map, as of ``known_part``.
+
+        Readings without a number are no returns.
+        """
+        length = metre(floor_plan.unit)
+        near, turn = _NEARBY[0] * length, _NEARBY[1]
+        steps = np.vstack([np.zeros(3), *(sign * np.diag((near, near, turn)) for sign in (-1, 1))])
+        around = (steps[:, None] + poses).reshape(-1, 3)
+        seen = lidar.ranges(floor_plan, around.T).reshape(len(steps), len(poses), -1)
+        clear = max(CLEAR * length, _SIGMAS * lidar.sigma)
+        returned = np.isfinite(ranges) & (ranges < lidar.max_range)
+        short = returned & (ranges < seen.min(axis=0) - clear)
+        return cls(seen[0], returned, short, returned & (ranges > seen.max(axis=0) + clear))
+
+    @property
+    def fits(self) -> Bools:
+        """Which beams are returned, and neither short nor long."""
+        return self.returned & ~self.short & ~self.long
 
     @property
     def explained(self) -> Floats:
-        """Share of the returns of each scan that are neither short nor long, (n,)."""
-        return self.share(~(self.short | self.long))
+        """Share of the returns of each scan that fit, (n,); NaN without a return."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.fits.sum(axis=1) / self.returned.sum(axis=1))
 
 
 def known_part(floor_plan: Map) -> Map:
@@ -41,38 +62,6 @@ def known_part(floor_plan: Map) -> Map:
     if isinstance(floor_plan, GridMap):
         return replace(floor_plan, unknown="transparent")
     return floor_plan
-
-
-class Expected(NamedTuple):
-    """What a map says that a robot sees from poses, and from poses near them, (n, B) each.
-
-    A beam that grazes a wall, or passes its corner, reads something else from 0.1 m beside: a
-    reading contradicts the map if it is outside of ``least`` to ``most`` by ``clear``. Ranges from
-    ``farthest`` on are no returns.
-    """
-
-    here: Reals
-    least: Reals
-    most: Reals
-    clear: float
-    farthest: float
-
-    @classmethod
-    def of(cls, floor_plan: Map, lidar: Lidar, poses: Reals) -> "Expected":
-        """Return what is expected at poses (n, 3) on a map, as of ``known_part``."""
-        length = metre(floor_plan.unit)
-        near, turn = _NEARBY[0] * length, _NEARBY[1]
-        steps = np.vstack([np.zeros(3), *(sign * np.diag((near, near, turn)) for sign in (-1, 1))])
-        around = (steps[:, None] + poses).reshape(-1, 3)  # one call: a step of a trial has one pose
-        seen = lidar.ranges(floor_plan, around.T).reshape(len(steps), len(poses), -1)
-        clear = max(CLEAR * length, _SIGMAS * lidar.sigma)
-        return cls(seen[0], seen.min(axis=0), seen.max(axis=0), clear, lidar.max_range)
-
-    def fit(self, ranges: Reals) -> Fit:
-        """Return how scans, (n, B) or one, (B,), fit; readings without a number are no returns."""
-        returned = np.broadcast_to(np.isfinite(ranges) & (ranges < self.farthest), self.here.shape)
-        short = returned & (ranges < self.least - self.clear)
-        return Fit(self.here, returned, short, returned & (ranges > self.most + self.clear))
 
 
 @dataclass(frozen=True)
@@ -85,9 +74,9 @@ class Lattice:
     shape: tuple[int, int]  # rows, columns
 
     @classmethod
-    def over(cls, floor_plan: Map, metres: float = _CELL) -> "Lattice":
-        """Return cells of so many m, or of the map's resolution if that is coarser."""
-        cell = metres * metre(floor_plan.unit)
+    def over(cls, floor_plan: Map) -> "Lattice":
+        """Return cells of 0.1 m, or of the map's resolution if that is coarser."""
+        cell = _CELL * metre(floor_plan.unit)
         if isinstance(floor_plan, GridMap):
             cell = max(cell, floor_plan.resolution)
         x0, y0, x1, y1 = floor_plan.bounds

@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 
 import msgspec
@@ -29,13 +29,7 @@ from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step
-from benchmarks.trials.scores import (
-    JOURNEY_SCORES,
-    PUBLISHED,
-    TRACK_SCORES,
-    Score,
-    published_scores,
-)
+from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score, published_scores
 from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Provenance, Trial
 from benchmarks.trials.stage import Stage, attempt, check_trials, key_of, provenance_of
@@ -250,7 +244,6 @@ def _scores(record: TrialRecord | None) -> dict[str, float]:
 
 @lru_cache(maxsize=2 * _MOST)
 def _log_of(world: Overrides) -> Log:
-    """Return the records of a segment."""
     return REPLAY.changed(world).recording()[0]
 
 
@@ -325,11 +318,7 @@ class Search:
         beside = [neighbour(task.space, best[i % 2], task.usual, rng) for i in range(near)]
         default = [] if number else [NOTHING]
         drawn = [(default, False), (whole, True), (beside, False)]
-        return [
-            Candidate(values=values, round=number, whole_space=of_whole)
-            for some, of_whole in drawn
-            for values in some
-        ]
+        return [Candidate(values=v, round=number, whole_space=w) for some, w in drawn for v in some]
 
     def _halve(self, number: int, candidates: Sequence[Candidate]) -> None:
         """Measure the candidates of a round on more and more segments, the better ones on all."""
@@ -357,14 +346,12 @@ class Search:
         cost = self.task.goal.sign * value
         return not math.isfinite(value), slow, cost, candidate.values != NOTHING
 
-    def _measure(
-        self, candidates: Sequence[Candidate], segments: Sequence[Segment], runs: int
-    ) -> None:
+    def _measure(self, candidates: list[Candidate], segments: Sequence[Segment], runs: int) -> None:
         """Set the scores of candidates on segments; refuse a default that has none."""
         each = self._runs([candidate.values for candidate in candidates], segments, runs)
         goal = self.task.goal.name
         for candidate, records in zip(candidates, each, strict=True):
-            rows = _judged(records)[0] if goal in PUBLISHED else map(_scores, records)
+            rows = _judged(records)[0] if goal == "log_score" else map(_scores, records)
             values = [row.get(goal, math.nan) for row in rows]
             candidate.segments = len(segments)
             candidate.value = math.inf if np.isnan(values).any() else float(np.mean(values))
@@ -374,7 +361,6 @@ class Search:
                 self._refuse_default(segments[segment], run)
 
     def _refuse_default(self, segment: Segment, run: int) -> None:
-        """Say why its run has no score."""
         task, where = self.task, f"on the segment at {segment.begins:.1f} s"
         default = f"the default of {task.localizer}"
         why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
@@ -388,10 +374,8 @@ class Search:
         self, candidates: Sequence[Overrides], segments: Sequence[Segment], runs: int
     ) -> list[list[Finished | None]]:
         """Run what was not yet run; return the runs of each candidate, by segment and run."""
-        rows = [
-            [self.task.trial(values, segment, run) for segment in segments for run in range(runs)]
-            for values in candidates
-        ]
+        each = [*product(segments, range(runs))]
+        rows = [[self.task.trial(values, *run) for run in each] for values in candidates]
         trials = {self.now.key(trial): trial for trial in chain(*rows)}
         new = {key: trial for key, trial in trials.items() if key not in self._asked}
         run_missing(new, self.store, self.options, self.now)

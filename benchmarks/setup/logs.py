@@ -164,7 +164,6 @@ def _whole(env: Overrides, digests: str) -> Log:
 
 @lru_cache(maxsize=4)
 def _played(env: Overrides, digests: str) -> tuple[Log, Map]:
-    """Return the records that are played and their map."""
     whole = _whole(Overrides(_arguments(env, _READ)), digests)
     made = LogEnv(log=whole, **_arguments(env, env.keys() - {*_READ}))
     return made.log, made.floor_plan
@@ -195,12 +194,8 @@ def typical_steps(log: Log) -> tuple[Floats, Floats]:
     length, turn = lengths_of(log.increments), log.increments[:, 2]
     way, net = _over(length, ends), lengths_of(odometry)
     ahead = (off * odometry)[:, :2].sum(axis=1) / np.where(net > 0, net, 1.0)
-    explained = np.column_stack(
-        [
-            _explained(ahead, way[:, None]),
-            _explained(off[:, 2], np.column_stack([way, odometry[:, 2]])),
-        ]
-    )
+    turned = _explained(off[:, 2], np.column_stack([way, odometry[:, 2]]))
+    explained = np.column_stack([_explained(ahead, way[:, None]), turned])
     rest = np.column_stack([ahead, off[:, 2]]) - explained
     n = counts[:, None]
     error = explained / n + rest / np.sqrt(n)

@@ -37,7 +37,6 @@ _KEYS = (
     *("words", "base", "env", "assumed", "prior"),
     *("agent", "disturbance", "buildings", "thresholds"),
 )
-SCAN_KIND = "scan.kind"
 
 
 def absolute_reference(kind: Kind, name: str, folder: Path = Path()) -> str:
@@ -67,14 +66,14 @@ def absolute_agent(agent: Named, folder: Path = Path()) -> Named:
 
 def absolute_assumed(assumed: Overrides, folder: Path = Path()) -> Overrides:
     """Return what is assumed with the absolute names of a scan model, or of those varied."""
-    if SCAN_KIND not in assumed:
+    if "scan.kind" not in assumed:
         return assumed
-    kind = assumed[SCAN_KIND]
+    kind = assumed["scan.kind"]
     placed = tuple(  # a scenario refuses what is none
         absolute_reference(SCAN_MODEL, name, folder) if isinstance(name, str) else name
         for name in (kind if isinstance(kind, tuple) else (kind,))
     )
-    return assumed | {SCAN_KIND: placed if isinstance(kind, tuple) else placed[0]}
+    return assumed | {"scan.kind": placed if isinstance(kind, tuple) else placed[0]}
 
 
 def make_agent(agent: Named | str, robot: RobotModel) -> Agent:

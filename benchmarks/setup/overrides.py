@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -21,8 +22,6 @@ class Overrides(dict[str, Any]):
     Made of a mapping or pairs, of TOML by ``told``, by ``of_json`` of what ``json`` gave. Lists
     become tuples, tables ``Overrides``. Equal are those with the same JSON: 1, 1.0, True differ.
     """
-
-    __slots__ = ("_text",)
 
     def __init__(self, values: Mapping[str, Any] | Iterable[tuple[str, Any]] = ()) -> None:
         items = dict(values)
@@ -52,12 +51,10 @@ class Overrides(dict[str, Any]):
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(self.text)
 
-    @property
+    @cached_property
     def text(self) -> str:
         """Names and values as JSON."""
-        if not hasattr(self, "_text"):
-            self._text = spelt(self)
-        return self._text
+        return spelt(self)
 
     def __or__(self, others: Mapping[str, Any]) -> Self:  # type: ignore[override]
         return type(self)({**self, **others})

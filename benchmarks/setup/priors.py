@@ -7,7 +7,6 @@ are in the map's unit; the defaults are for one in px.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,14 +15,7 @@ from benchmarks.setup import TrialEnv
 from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
 from deqmcl_gym.numerics import Pose, arrays
 from deqmcl_gym.validation import InputError, number, one_of, pose
-from localizers import (
-    AnnulusRegion,
-    GaussianPrior,
-    MixturePrior,
-    PolygonRegion,
-    Prior,
-    UniformPrior,
-)
+from localizers import AnnulusRegion, GaussianPrior, MixturePrior, PolygonRegion, UniformPrior
 from localizers.models.nav2_motion import unknown_motion
 from localizers.registry import SCAN_MODEL, ScanPlugIn
 
@@ -114,7 +106,7 @@ class Uniform:
             )
         self._region()  # refuses what is none
 
-    def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> Prior:
+    def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> UniformPrior:
         """Return p(x_0) in a room."""
         region = self._region()
         return UniformPrior(floor_plan=room.floor_plan, radius=room.radius, region=region)
@@ -150,7 +142,7 @@ class Places:
             raise InputError(f"prior.places is {self.places!r}, but must be a list of tables.")
         object.__setattr__(self, "places", tuple(map(_place, self.places)))
 
-    def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> Prior:
+    def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> MixturePrior:
         """Return p(x_0) in the episode that a room has begun last, or in one with this start."""
         if not self.places:
             raise InputError("the prior has kind places, but no place: add [[prior.places]].")
@@ -176,9 +168,7 @@ def _place(given: Any) -> WeightedPlace:
     return WeightedPlace(prior=prior, weight=weight)
 
 
-PRIORS = MappingProxyType(
-    {"gaussian": Gaussian, "uniform": Uniform, "places": Places, "displaced": Displaced}
-)
+PRIORS = {"gaussian": Gaussian, "uniform": Uniform, "places": Places, "displaced": Displaced}
 
 
 def changed(part: str, current: Part, keys: Any, unit: str, kinds: Mapping[str, Any]) -> Part:

@@ -33,13 +33,10 @@ class Thresholds:
         integer("thresholds.lost_steps", self.lost_steps, low=1)
 
 
-_KINDS: Mapping[str, Mapping[str, Any]] = {
-    "motion": MOTION_MODELS, "scan": BEAM_MODELS, "prior": PRIORS
-}  # fmt: skip
+_KINDS: Mapping[str, Any] = {"motion": MOTION_MODELS, "scan": BEAM_MODELS, "prior": PRIORS}
 _PARTS = tuple(part.name for part in fields(World))
 _LENGTHS = ("motion", "scan", "prior", "thresholds")  # what has lengths in the map's unit
 OPEN_LOOP = Named("open-loop")
-AS_WORLD = "world"  # what is assumed is what the world is
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +58,6 @@ class Scenario(ABC):
 
     def __post_init__(self) -> None:
         integer("buildings", self.buildings, low=1)
-        if isinstance(self.agent, str):
-            object.__setattr__(self, "agent", Named(self.agent))
 
     @property
     @abstractmethod
@@ -141,7 +136,7 @@ class Scenario(ABC):
         """Return what is assumed with the world's values in place of the word "world"."""
         resolved: dict[str, Any] = {}
         for name, value in assumed.items():
-            values = self.known if value == AS_WORLD else {name: value}
+            values = self.known if value == "world" else {name: value}
             leaves = {n: v for n, v in values.items() if f"{n}.".startswith(f"{name}.")}
             if not leaves:
                 one_of('assumption that can be "world"', name, values)

@@ -139,13 +139,8 @@ def rays(cast: Callable[[PolygonMap, Singles], object]) -> Job:
     return Job(lambda: cast(PAPER_ROOM, poses), POSES * BEAMS)
 
 
-def our_ranges(room: PolygonMap, poses: Singles) -> Singles:
-    """Return ranges at poses (n, 3), (n, BEAMS) px."""
-    return room.ranges(poses, BEARINGS)
-
-
 def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
-    """Return the same by NumPy: every ray, every wall, in blocks for caches."""
+    """Return ranges at poses (n, 3), (n, BEAMS) px, by NumPy: every ray and wall, in blocks."""
     out = np.empty((BEAMS, len(poses)), np.float32)
     for first in range(0, len(poses), 16_384 // BEAMS):
         block = slice(first, first + 16_384 // BEAMS)
@@ -252,9 +247,7 @@ def vector_parts(*, whole: bool, size: int = 64) -> Job:
 
 _CIRCLE = 0.2, 0.5  # m/s, rad/s of a robot below the obstacle of the paper's room
 _START = 3.5, 0.6, 0.0  # m
-_IN_METRES = [
-    (0.02 * np.array(corners)).tolist() for corners in (PAPER_ROOM.outer, *PAPER_ROOM.obstacles)
-]
+_IN_METRES = [(0.02 * np.array(xy)).tolist() for xy in (PAPER_ROOM.outer, *PAPER_ROOM.obstacles)]
 
 
 def ir_sim_steps() -> Job:
@@ -319,8 +312,8 @@ def localize_steps(mode: str, size: int = 64) -> Job:
 
 
 def _ratios() -> Iterator[Ratio]:
-    ours, other = (partial(rays, ranges) for ranges in (our_ranges, numpy_ranges))
-    yield beside("rays_vs_numpy", "rays/s", ours, other)
+    ours = partial(rays, lambda room, poses: room.ranges(poses, BEARINGS))
+    yield beside("rays_vs_numpy", "rays/s", ours, partial(rays, numpy_ranges))
     deq, other = (partial(filter_steps, name, N_10K) for name in ("deq-mcl", "mcl-map"))
     yield beside("deq_vs_map_step", "µs/step", partial(deq, lag=20), other)
     yield beside("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))

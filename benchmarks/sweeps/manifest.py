@@ -60,15 +60,10 @@ class Manifest(Struct, frozen=True, kw_only=True, omit_defaults=True):
     verified: list[Verified] = field(default_factory=list)  # what else may go on with its trials
 
     @property
-    def sweep(self) -> dict[str, Any]:
-        """The sweep's ``canonical()``."""
-        return self.identity.sweep
-
-    @property
     def placed(self) -> dict[str, Any]:
         """The sweep, with names that lead to where the files are."""
         names = {name: Placed(name, place) for name, place in self.places.items()}
-        return renamed(self.sweep, names)  # type: ignore[no-any-return]
+        return renamed(self.identity.sweep, names)  # type: ignore[no-any-return]
 
 
 def manifest_of(sweep: Sweep, command: Sequence[str]) -> Manifest:
@@ -102,14 +97,14 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
         same = plug_ins.items() <= now.plug_ins.items()
         if same and (checked.code, checked.libraries) == (now.code, now.libraries):
             plug_ins = {**now.plug_ins, **before.plug_ins}
-            identity = replace(before, plug_ins=plug_ins, sweep=ours.sweep)
+            identity = replace(before, plug_ins=plug_ins, sweep=ours.identity.sweep)
             made = replace(ours, identity=identity, environment=theirs.environment)
             break
     margin = ours.margin if theirs.margin is None else theirs.margin
     made = replace(made, verified=theirs.verified, margin=margin)
     grown = _grown(before, made.identity)
     if changes := list(differences(_plain(grown), _plain(made.identity))):
-        same = not any(differences(grown.sweep, made.sweep))
+        same = not any(differences(grown.sweep, made.identity.sweep))
         others = f", or see by deqmcl verify {folder} whether any number differs" if same else ""
         raise InputError(
             f"{folder} holds results of something else ({'; '.join(changes)}): give a new --out, "
@@ -192,7 +187,7 @@ def read_manifest(folder: Path) -> Manifest:
         raise InputError(
             f"{path} {error}: it is not of a sweep, or was changed; {again}."
         ) from None
-    until = held.sweep.get("until_decided")
+    until = held.identity.sweep.get("until_decided")
     return replace(
         held,
         margin=until.get("margin") if isinstance(until, dict) else held.margin,

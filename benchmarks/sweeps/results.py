@@ -1,6 +1,6 @@
 """How far a sweep has come: what a store holds of it, which trials it still needs, in words."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -101,7 +101,7 @@ _SHOWN = 20  # lines of a kind
 _COMPARED = ("title", "localizers", "agent")  # what pooled folders may differ in
 
 
-def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Manifest) -> Results:
+def collected(sweep: Sweep, trials: dict[str, Trial], store: Store, made: Manifest) -> Results:
     """Return what the store has of these trials (by key), in their order."""
     records, failures, failed = [], [], {}
     for key, trial in trials.items():
@@ -149,10 +149,7 @@ def rule_of(sweep: Sweep) -> Rule | None:
 
 
 def due(
-    sweep: Sweep,
-    trials: Mapping[str, Trial],
-    records: Iterable[Finished],
-    failures: Iterable[Trial],
+    sweep: Sweep, trials: dict[str, Trial], records: Iterable[Finished], failures: Iterable[Trial]
 ) -> dict[str, Trial]:
     """Return those of a sweep's trials that it needs, by nothing but its results; all without rule.
 
@@ -173,11 +170,7 @@ def due(
         for label, needed in wanted.items():
             cell = panel.setting, panel.methods[label]
             worlds[cell] = max(needed, worlds.get(cell, 0))
-    return {
-        key: trial
-        for key, trial in trials.items()
-        if trial.trial < worlds.get((trial.setting, trial.method), 0)
-    }
+    return {k: t for k, t in trials.items() if t.trial < worlds.get((t.setting, t.method), 0)}
 
 
 def _planned(
@@ -233,7 +226,7 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
     records = {record.key: record for results in each for record in results.records}
     drivers = [record.trial.agent for record in records.values()]
     agents = list(dict.fromkeys(agent.name for agent in drivers if agent))
-    usual = len(agents) > 1 and "baseline" not in made[0].sweep  # as ``Sweep`` has it
+    usual = len(agents) > 1 and "baseline" not in made[0].identity.sweep  # as ``Sweep`` has it
     return replace(
         each[0],
         title=", ".join(dict.fromkeys(results.title for results in each)),
@@ -250,7 +243,7 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
 
 def _worlds(made: Manifest, plug_ins: Collection[str]) -> dict[str, Any]:
     """Return what pooled folders must agree in: all but the title and what is compared."""
-    sweep = {name: value for name, value in made.sweep.items() if name not in _COMPARED}
+    sweep = {name: value for name, value in made.identity.sweep.items() if name not in _COMPARED}
     vary = sweep.get("vary", ())
     axes = [{n: v for n, v in axis.items() if not n.startswith("agent")} for axis in vary]
     digests = {name: digest for name, digest in made.identity.plug_ins.items() if name in plug_ins}

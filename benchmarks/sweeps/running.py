@@ -69,7 +69,7 @@ class Running:
 
     sweep: Sweep
     store: Store
-    trials: Mapping[str, Trial]  # by key
+    trials: dict[str, Trial]  # by key
     options: Options
     made: Manifest
     now: Provenance
@@ -89,7 +89,7 @@ class Running:
             warnings.warn(incomplete_sentence(results), FailedWarning, stacklevel=2)
         return results
 
-    def _due(self, part: Mapping[str, Trial], asked: Mapping[str, Trial]) -> dict[str, Trial]:
+    def _due(self, part: dict[str, Trial], asked: Mapping[str, Trial]) -> dict[str, Trial]:
         """Return the trials that are needed after those that were asked for."""
         records = (self.store.get(key, trial) for key, trial in asked.items())
         failures = (trial for key, trial in asked.items() if self.store.failure(key) is not None)
@@ -99,7 +99,7 @@ class Running:
 
 @contextmanager
 def begun(
-    sweep: Sweep, out: Path | str, options: Options, *, command: Sequence[str]
+    sweep: Sweep, out: Path | str, options: Options, command: Sequence[str]
 ) -> Iterator[Running]:
     """Open the folder of a sweep at which ``check`` has looked; nothing is run yet."""
     out = Path(out)
@@ -117,9 +117,7 @@ def check(sweep: Sweep) -> None:
     check_trials(sweep.cells())
 
 
-def run_missing(
-    trials: Mapping[str, Trial], store: Store, options: Options, now: Provenance
-) -> None:
+def run_missing(trials: dict[str, Trial], store: Store, options: Options, now: Provenance) -> None:
     """Run the trials (by key) that the store lacks, and store what comes of them.
 
     All methods run on one world before any runs on the next, as an episode may be driven once for

@@ -108,8 +108,7 @@ class Store:
                 yield self._names[key], why
 
     def _append(self, key: str, trial: Trial, parts: dict[str, Any]) -> None:
-        if self._file is None:
-            raise RuntimeError("the store is only read")
+        assert self._file is not None, "the store is only read"
         content = {"key": key, "trial": trial.canonical()} | parts
         body = json.dumps(content, allow_nan=False, separators=(",", ":")).encode()[:-1]
         text = b"%s%s%d}\n" % (body, _CRC, zlib.crc32(body))

@@ -16,14 +16,7 @@ from benchmarks.setup.names import (
     absolute_reference,
     absolute_scenario,
 )
-from benchmarks.setup.overrides import (
-    NOTHING,
-    Named,
-    Overrides,
-    listed,
-    located,
-    wrappers,
-)
+from benchmarks.setup.overrides import NOTHING, Named, Overrides, listed, located, wrappers
 from benchmarks.sweeps.design import PARTS, Sweep, Takes
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
@@ -219,9 +212,7 @@ def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
     return replace(sweep, localizers=tuple(methods)) if checked else sweep
 
 
-def params_by_localizer(
-    given: Mapping[str, Any], localizers: Sequence[str]
-) -> dict[str, Overrides]:
+def params_by_localizer(given: dict[str, Any], localizers: Sequence[str]) -> dict[str, Overrides]:
     """Return ``KEY`` of all localizers that take it, and ``LOCALIZER.KEY`` of one, by localizer."""
     plain = Sweep(title="", localizers=tuple(map(Method, localizers)))
     sweep = with_settings(plain, {f"params.{name}": value for name, value in given.items()})

@@ -141,9 +141,8 @@ def _journey(
     values = frames.by_world(runs).to_numpy()
     if score.censored:
         columns = ends(name, stats.median_estimate(runs.groupby("trial").median().to_numpy()))
-        columns[f"{name}_restricted"] = (
-            frames.by_world(frames.restricted(rows, score, longest)).to_numpy().mean()
-        )
+        limited = frames.restricted(rows, score, longest)
+        columns[f"{name}_restricted"] = frames.by_world(limited).to_numpy().mean()
     elif score.unit == "share":
         share = float(values.mean())
         columns = ends(name, (share, *stats.wilson(share, values.size)))

@@ -64,9 +64,8 @@ def trials_frame(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
 def timings_table(records: Iterable[Finished]) -> pd.DataFrame:
     """Return timings.csv: the localizer's own time, reset left out."""
     rows = [
-        run_columns(record.trial)
-        | {"seconds": record.seconds, "ms_per_step": milliseconds_per_step([record])}
-        for record in records
+        run_columns(r.trial) | {"seconds": r.seconds, "ms_per_step": milliseconds_per_step([r])}
+        for r in records
     ]
     return pd.DataFrame(rows, columns=[*SETTING, *METHOD, *RUN, "seconds", "ms_per_step"])
 
@@ -166,11 +165,7 @@ def value_in(record: Finished, score: Score) -> float:
 
 def milliseconds_per_step(records: Sequence[Finished]) -> float:
     """Median over runs of the localizer's time per step, ms; NaN if none was timed."""
-    times = [
-        1000 * record.seconds / record.steps_done
-        for record in records
-        if record.seconds and record.steps_done
-    ]
+    times = [1000 * r.seconds / r.steps_done for r in records if r.seconds and r.steps_done]
     return float(np.median(times)) if times else math.nan
 
 

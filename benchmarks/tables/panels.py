@@ -10,17 +10,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.setup.overrides import FILES, Named, Overrides, file_names, spelt
-from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.frames import (
-    METHOD,
-    as_json,
-    by_run,
-    ends,
-    method_columns,
-    scores_in,
-    setting_columns,
-    trials_frame,
-)
+from benchmarks.tables import frames
 from benchmarks.tables.stats import ALPHA, Rule
 from benchmarks.tables.text import BASELINE, short_name, short_names
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
@@ -55,16 +45,6 @@ class Panel:
         return replace(self, rows=self.labelled(rows))
 
     @property
-    def thresholds(self) -> Thresholds:
-        """What is far off, and lost."""
-        return self._first.thresholds
-
-    @property
-    def unit(self) -> str:
-        """The unit of lengths."""
-        return self._first.unit
-
-    @property
     def aim(self) -> Score | None:
         """The share of whole runs that it is about; None if it is about the error.
 
@@ -81,7 +61,7 @@ class Panel:
     @property
     def world(self) -> str:
         """What a trial of it is called: a world, or a run over a whole log."""
-        return "world" if self._first.track is None else "run"
+        return "world" if self.first.track is None else "run"
 
     @property
     def tests(self) -> int:
@@ -123,12 +103,11 @@ class Panel:
         relation = np.select([*relations.values()], [*relations], "inconclusive")
         rows["relation"] = np.where(relation == "decided", rows["decision"], relation)
         rows["order"] = (1 if aim is None else -1) * rows["expected"].fillna(rows["score"])
-        rows["other"] = ~rows["is_baseline"]
-        return rows.sort_values(["order", "other"], na_position="last").drop(columns="other")
+        return rows.sort_values(["order", "is_baseline"], ascending=[True, False])
 
     def runs_of(self, label: str) -> pd.DataFrame:
         """The runs of a method, by world and filter seed."""
-        return by_run(self.runs[self.runs["label"] == label])
+        return frames.by_run(self.runs[self.runs["label"] == label])
 
     def labelled(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return a frame whose labels have all labels of the results as categories."""
@@ -137,22 +116,23 @@ class Panel:
     def columns(self, label: str) -> dict[str, Any]:
         """Return the setting and one of its methods as the columns of a row."""
         return {
-            **setting_columns(self.setting),
-            "swept": as_json(self.swept.json()),
-            **method_columns(self.methods[label]),
+            **frames.setting_columns(self.setting),
+            "swept": frames.as_json(self.swept.json()),
+            **frames.method_columns(self.methods[label]),
             "panel": self.number,
             "label": label,
         }
 
     @property
-    def _first(self) -> Finished:
+    def first(self) -> Finished:
+        """Its first trial, which has the unit and the thresholds of all."""
         return next(iter(self.records.values()))[0]
 
 
 def score_columns(score: Score) -> list[str]:
     """Name the columns of a score of whole runs: its value, and the comparison if it is tested."""
-    names = [*ends(score.name), *([f"{score.name}_restricted"] if score.censored else [])]
-    tested = [*ends(f"{score.name}_diff"), f"{score.name}_p", f"{score.name}_p_holm"]
+    names = [*frames.ends(score.name), *([f"{score.name}_restricted"] if score.censored else [])]
+    tested = [*frames.ends(f"{score.name}_diff"), f"{score.name}_p", f"{score.name}_p_holm"]
     return names + (tested if score.tested else [])
 
 
@@ -187,11 +167,11 @@ def panels(
         finished = {label: settings[setting][method] for label, method in methods.items()}
         listed = [record for group in finished.values() for record in group]
         called = {method: label for label, method in methods.items()}
-        runs = trials_frame(
-            listed, [t for t in failed if t.setting == setting and t.method in called]
-        )
-        cells = {(*method_columns(method).values(),): label for method, label in called.items()}
-        row_labels = [cells[cell] for cell in zip(*(runs[name] for name in METHOD), strict=True)]
+        unfinished = [t for t in failed if t.setting == setting and t.method in called]
+        runs = frames.trials_frame(listed, unfinished)
+        cells = {(*frames.method_columns(m).values(),): label for m, label in called.items()}
+        named = zip(*(runs[name] for name in frames.METHOD), strict=True)
+        row_labels = [cells[cell] for cell in named]
         made.append(
             Panel(
                 number=number,
@@ -199,12 +179,9 @@ def panels(
                 setting=setting,
                 swept=swept,
                 methods=methods,
-                baselines={
-                    label: called[baseline_of(method, called, baseline)]
-                    for label, method in methods.items()
-                },
+                baselines={n: called[baseline_of(m, called, baseline)] for n, m in methods.items()},
                 records=finished,
-                scores=scores_in(listed),
+                scores=frames.scores_in(listed),
                 runs=runs.assign(label=pd.Series(row_labels, dtype=labels)),
                 rule=rule,
             )
@@ -333,10 +310,8 @@ def trial_words(trial: Trial) -> list[str]:
 
 
 def _setting_words(setting: Setting) -> list[str]:
-    assumptions = setting.assumed.items()
-    assumed = (
-        f"assumed {n} {short_name(v) if isinstance(v, str) else _plain(v)}" for n, v in assumptions
-    )
+    names = {name: short_name(v) for name, v in setting.assumed.items() if isinstance(v, str)}
+    assumed = (f"assumed {n} {_plain(value)}" for n, value in (setting.assumed | names).items())
     named = {n: v for n, v in setting.world.items() if n in FILES and isinstance(v, str | tuple)}
     short = setting.world | {name: file_names(value) for name, value in named.items()}
     world = (f"{name} {_plain(value)}" for name, value in short.items())

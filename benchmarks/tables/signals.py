@@ -72,10 +72,8 @@ def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
         groups.setdefault((replace(panel.setting, scenario=""), panel.swept), []).append(panel)
     rows = list[dict[str, Any]]()
     for group in groups.values():
-        shared = {
-            "scenarios": " ".join(panel.setting.scenario for panel in group),
-            "panel": group[0].number,
-        }
+        scenarios = " ".join(panel.setting.scenario for panel in group)
+        shared = {"scenarios": scenarios, "panel": group[0].number}
         places: dict[object, list[tuple[Panel, str]]] = {}
         for panel in group:
             for label, method in panel.methods.items():
@@ -104,11 +102,7 @@ def _of_plans(steps: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def _detected(steps: pd.DataFrame, name: str, columns: tuple[str, str]) -> dict[str, float]:
-    """Return how well a column tells steps in trouble, of those where both are known, as columns.
-
-    These are the AUROC with its interval, the share of steps in trouble, and in how many worlds;
-    NaN if there is no such step.
-    """
+    """Return how well a column tells steps in trouble, where both are known, as columns."""
     complete = steps.dropna(subset=[name, "trouble"])
     if complete.empty:
         return ends("auroc", NOT_KNOWN) | dict.fromkeys(columns, math.nan)

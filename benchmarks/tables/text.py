@@ -8,7 +8,6 @@ from itertools import count
 from benchmarks.tables.stats import Interval
 
 BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
-BLIND = "dead-reckoning"  # uses no scan, so that it localizes nothing
 
 
 def short_name(name: str) -> str:

@@ -293,7 +293,6 @@ TRACK_GROUPS = groups_named(["lost", "log"])  # those of a whole log
 
 
 CALIBRATION = {"scale": "", "position": "m", "heading": "rad"}  # its numbers, and their units
-PUBLISHED = (*(f"coverage_{level}" for level in LEVELS), "nees", "log_score")  # by covariances
 
 
 def published_scores(
@@ -308,8 +307,8 @@ def published_scores(
     fits = calibration_of_gaussians(off, published, track.log.unit)
     rank, nees, log_score = fits[np.isfinite(fits).all(axis=1)].T
     per_metre = mean(log_score) - 2 * math.log(metre(track.log.unit))
-    values = *(mean(rank <= level / 100) for level in LEVELS), mean(nees), per_metre
-    return dict(zip(PUBLISHED, values, strict=True))
+    coverage = {f"coverage_{level}": mean(rank <= level / 100) for level in LEVELS}
+    return coverage | {"nees": mean(nees), "log_score": per_metre}
 
 
 def track_scores(

@@ -1,20 +1,14 @@
 """The record of a trial: its scores, a row per offset, its curves, and what is kept of its run."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Self
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.scores import (
-    JOURNEY_SCORES,
-    METRICS,
-    ScoreGroup,
-    journey_scores,
-    state_error,
-)
+from benchmarks.trials.scores import JOURNEY_SCORES, METRICS, journey_scores, state_error
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import PROFILE_STRIDE, Trace, TrackLog, plan_columns
 from benchmarks.trials.tracks import EstimatedTrack, Journey, mean, unless_nan
@@ -51,13 +45,13 @@ class WholeRun(Struct, frozen=True, kw_only=True):
             raise ValueError(f"has a score of the whole run named {min(other)[:20]!r}")
 
     @classmethod
-    def of(cls, run: Journey, groups: Sequence[ScoreGroup]) -> Self:
+    def of(cls, run: Journey, scores: Mapping[str, float]) -> Self:
         """Return what is kept of a run; curves have four digits, as a long run is many numbers."""
         curves = {"way": run.way, "distance": run.distance, "angle": run.angle}
         if run.masses is not None:
             curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
         rounded = {name: _short(values, 4) for name, values in curves.items()}
-        return cls(scores=_if_finite(journey_scores(run, groups)), curves=rounded)
+        return cls(scores=_if_finite(scores), curves=rounded)
 
 
 class RecordedTrack(Struct, frozen=True, kw_only=True):
@@ -78,11 +72,9 @@ class RecordedTrack(Struct, frozen=True, kw_only=True):
 
     def on(self, log: Log) -> EstimatedTrack:
         """Return the track on the log that it is of."""
-        best = np.array(self.best).T
-        if self.spread is None:
-            return EstimatedTrack(log, best)
-        rows = np.array(self.spread, np.float64).T[:, _ENTRIES]
-        return EstimatedTrack(log, best, rows)
+        known = self.spread is not None
+        spread = np.array(self.spread, np.float64).T[:, _ENTRIES] if known else None
+        return EstimatedTrack(log, np.array(self.best).T, spread)
 
 
 class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -108,11 +100,6 @@ class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
             if any(name not in row for row in self.scores):
                 raise ValueError(f"has no {name} among its scores")
 
-    @property
-    def offsets(self) -> list[int]:
-        """The offsets scored, in their order."""
-        return [int(row["offset"] or 0) for row in self.scores]
-
 
 class Finished(TrialRecord, frozen=True, kw_only=True):
     """A finished trial: its record, the trial, its key, and its seconds (None: not known)."""
@@ -134,7 +121,9 @@ def scores(trace: Trace) -> list[dict[str, Any]]:
 def record(trace: Trace) -> TrialRecord:
     """Return a trial's result; its scores are of the states whose truth is known."""
     whole, quality, profile = trace.whole, trace.quality[1:], error_profile(trace)
-    run = None if whole is None else whole.journey(trace)
+    journey = None
+    if whole is not None and (run := whole.journey(trace)) is not None:
+        journey = WholeRun.of(run, journey_scores(run, whole.groups))
     return TrialRecord(
         unit=trace.unit,
         thresholds=trace.thresholds,
@@ -150,7 +139,7 @@ def record(trace: Trace) -> TrialRecord:
         scans_used=trace.scans_used,
         events=trace.events,
         plan=plan_columns(trace.plans[1:]),
-        journey=None if whole is None or run is None else WholeRun.of(run, whole.groups),
+        journey=journey,
         track=RecordedTrack.of(whole) if isinstance(whole, TrackLog) else None,
     )
 

@@ -8,7 +8,7 @@ import sys
 import tomllib
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, cached_property
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,10 @@ import msgspec
 import numpy as np
 
 from benchmarks.setup.overrides import NOTHING, Named, Overrides, jsonable
+from deqmcl_gym import __version__
 from deqmcl_gym.validation import InputError
 
 _WORLD, _FILTER, _START = 0, 1, 2  # children of a trial's seed
-
-_ANY = "dead-reckoning"  # localizer, where it does not matter which
-
-Run = tuple[int, int]  # world, filter seed
 
 
 @dataclass(frozen=True)
@@ -101,7 +98,7 @@ class Trial:
         return Method(self.localizer, self.params, self.agent)
 
     @property
-    def run(self) -> Run:
+    def run(self) -> tuple[int, int]:
         """The world and the filter seed."""
         return self.trial, self.filter_seed
 
@@ -127,7 +124,8 @@ class Trial:
     @property
     def episode(self) -> "Trial":
         """All of it that an episode depends on if the agent does not look at the belief."""
-        return replace(self, localizer=_ANY, params=NOTHING, lag=0, filter_seed=0)
+        # whichever localizer it is
+        return replace(self, localizer="dead-reckoning", params=NOTHING, lag=0, filter_seed=0)
 
     def filter_rng(self) -> np.random.Generator:
         """Return the stream of (seed, trial, filter_seed): all filters start from one cloud."""
@@ -253,12 +251,8 @@ def versions() -> dict[str, str]:
 
 def environment() -> Environment:
     """Return what a reader needs to know to get the same numbers."""
-    try:
-        ours = version("deqmcl-gym")
-    except PackageNotFoundError:
-        ours = "not installed"
     return {
-        "deqmcl-gym": ours,
+        "deqmcl-gym": __version__,
         "code": code_digest(),
         "python": platform.python_version(),
         "platform": f"{sys.platform} {platform.machine()}",

@@ -11,7 +11,6 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Self
 
 import gymnasium as gym
@@ -19,14 +18,7 @@ import numpy as np
 
 from benchmarks.setup import Agent, TrialEnv
 from benchmarks.setup.documents import digest_of_file, errors_name
-from benchmarks.setup.names import (
-    AGENT,
-    SCAN_KIND,
-    make_agent,
-    plug_ins_of,
-    scenario,
-    scenario_digest,
-)
+from benchmarks.setup.names import AGENT, make_agent, plug_ins_of, scenario, scenario_digest
 from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.episode import Step, drive, followed, sees_belief
@@ -42,11 +34,7 @@ from localizers import Prior, RobotModel, absolute_name, make
 from localizers.kinds import is_ctrl_c, is_path, raised, reason_of, split
 from localizers.registry import LOCALIZER, SCAN_MODEL
 
-DISTURBANCES = MappingProxyType(
-    {"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange}
-)
-
-
+DISTURBANCES = {"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange}
 Drive = tuple[Pose, tuple[Step, ...]]  # an expected start, and an episode without any belief
 
 
@@ -207,9 +195,8 @@ def provenance_of(trials: Iterable[Trial]) -> Provenance:
         parts.append((trial.scenario, setup(absolute_name(trial.scenario))))
         if trial.agent is not None:
             parts.append((trial.agent.name, AGENT.digest(trial.agent.name)))
-        parts += [
-            (n, SCAN_MODEL.digest(n)) for n in plug_ins_of(None, trial.assumed.get(SCAN_KIND))
-        ]
+        scans = plug_ins_of(None, trial.assumed.get("scan.kind"))
+        parts += [(name, SCAN_MODEL.digest(name)) for name in scans]
         parts += [(path, digest_of_file(path)) for path in trial.world.files]
         for name, digest in parts:
             if digests.setdefault(name, digest) != digest:
@@ -231,7 +218,7 @@ def guest_of(trial: Trial) -> str:
     localizer = (trial.localizer,) if LOCALIZER.is_plug_in(trial.localizer) else ()
     base = scenario(trial.scenario)
     usual = plug_ins_of(base.agent, getattr(base.scan, "kind", None))
-    return " ".join((*localizer, *usual, *plug_ins_of(trial.agent, trial.assumed.get(SCAN_KIND))))
+    return " ".join((*localizer, *usual, *plug_ins_of(trial.agent, trial.assumed.get("scan.kind"))))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -259,7 +259,6 @@ class EstimatedTrack:
 
     def journey(self, quality: Floats | None = None) -> Journey:
         """Return the run, which ``TRACK_GROUPS`` score; ``quality`` of all records, (n,)."""
-        unrated = np.full(len(self.best), math.nan)
         off, at = np.full((len(self.best), 2), math.inf), self.referenced
         off[self.known] = np.column_stack([self.errors.translation, self.errors.rotation])
         return Journey(
@@ -267,7 +266,7 @@ class EstimatedTrack:
             way=self.way[at],
             distance=off[at, 0],
             angle=off[at, 1],
-            quality=(unrated if quality is None else quality)[at],
+            quality=np.full(at.size, math.nan) if quality is None else quality[at],
             tolerated=TOLERATED,
             driven=self.way,
             truth=self.best,

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.setup.overrides import Overrides
 from benchmarks.trials.scores import groups_named, journey_scores
-from benchmarks.trials.scoring import WholeRun, record
+from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import JourneyLog, Trace
@@ -197,4 +197,4 @@ def test_the_run_of_a_kidnapped_robot_is_scored_from_where_it_was_carried_to():
     assert run.carried == 40
     assert np.hypot(*(run.truth[40] - run.truth[39])[:2]) > 0.5
     assert run.distance[:40].max() < 0.45 < run.distance[40]
-    assert WholeRun.of(run, log.groups).scores["recovered"] in (0, 1)
+    assert journey_scores(run, log.groups)["recovered"] in (0, 1)

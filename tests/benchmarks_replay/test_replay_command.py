@@ -19,6 +19,7 @@ from benchmarks.robots.replaying import methods_of
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.episode import Step
+from benchmarks.trials.scores import journey_scores
 from benchmarks.trials.scoring import ErrorCurve, RecordedTrack, WholeRun
 from benchmarks.trials.trace import TrackLog
 from deqmcl_gym import logs
@@ -81,6 +82,7 @@ def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
 
 def record_of(errors, seed=0, **how):
     log = kept_at(errors, **how)
+    run = log.track.journey()
     return changed(
         finished("mcl", seed, float(np.mean(errors)), scenario="replay", lag=0),
         unit="m",
@@ -88,7 +90,7 @@ def record_of(errors, seed=0, **how):
         curves={0: ErrorCurve(0, list(errors))},
         steps_done=len(errors) - 1,
         scans_used=len(errors),
-        journey=WholeRun.of(log.track.journey(), log.groups),
+        journey=WholeRun.of(run, journey_scores(run, log.groups)),
         track=RecordedTrack.of(log),
     )
 

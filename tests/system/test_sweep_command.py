@@ -80,7 +80,7 @@ def test_worlds_seed_and_parameters_given_as_options_are_as_if_the_file_said_the
 @pytest.mark.parametrize("name", ["headline", "plan-sensor"])
 def test_a_sweep_can_be_told_from_its_manifest(name):
     sweep = sweep_named(name)
-    text = json.dumps(manifest.manifest_of(sweep, []).sweep, allow_nan=False)
+    text = json.dumps(manifest.manifest_of(sweep, []).identity.sweep, allow_nan=False)
     assert sweep_of(json.loads(text), title="") == sweep
 
 
