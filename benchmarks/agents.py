@@ -14,7 +14,7 @@ from benchmarks.setup import Agent
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Point, Pose, Reals
 from deqmcl_gym.validation import InputError, number
-from deqmcl_gym.world.config import WORLDS, Driver, Route, World
+from deqmcl_gym.world import WORLDS, Driver, Route, World
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.driver import NO_PLAN, GuidedPlan, Underway
 from deqmcl_gym.world.route import Journeys

@@ -13,8 +13,8 @@ import numpy as np
 from benchmarks.setup import Agent
 from benchmarks.setup.names import AGENT, absolute_reference, absolute_scenario, make_agent
 from benchmarks.setup.overrides import Named, Overrides
+from benchmarks.trials import Trial
 from benchmarks.trials.episode import moments
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.numerics import Reals, Singles

@@ -19,18 +19,18 @@ from numpy.typing import NDArray
 
 from benchmarks.console import checking
 from benchmarks.execution.engines import Where
+from benchmarks.report import write_report
 from benchmarks.report.films import Camera, camera_of
-from benchmarks.report.page import write_report
 from benchmarks.report.verdict import conclusion
 from benchmarks.setup.overrides import NOTHING, Named, Overrides
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
 from benchmarks.sweeps.sweepfile import refuse_idle, sweep_named, sweep_of, with_settings
 from benchmarks.tables.comparison import FURTHER, RESULTS
 from benchmarks.tables.frames import INNER, trials_frame
+from benchmarks.trials import Method
 from benchmarks.trials.episode import Step
-from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import InputError, amount, integer, shown
 from localizers import registered

@@ -17,7 +17,7 @@ from typing import Any
 
 from deqmcl_gym.maps import GridMap, Lidar, Office, PolygonMap
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
+from deqmcl_gym.world import Driver, Lap, MotionNoise, Robot, Route, Start
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.people import People
 
@@ -53,7 +53,7 @@ _JOURNEY = {
     "observation": "dict",
     "horizon": 50,
 }
-_ROOM = "deqmcl_gym.envs.room:RoomEnv"
+_ROOM = "deqmcl_gym.envs:RoomEnv"
 
 
 def register() -> None:

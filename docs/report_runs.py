@@ -25,15 +25,15 @@ from msgspec.structs import replace
 
 from benchmarks.commands.experiments import asked, paper_command, sweep_command
 from benchmarks.execution.engines import Where
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps import Sweep
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import compare_again, record_parts, sample
 from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.panels import trial_words
+from benchmarks.trials import Trial, code_digest
 from benchmarks.trials.scoring import TrialRecord
-from benchmarks.trials.spec import Trial, code_digest
 from benchmarks.trials.stage import Outcome, provenance_of
 from deqmcl_gym.files import write_text
 from deqmcl_gym.validation import InputError

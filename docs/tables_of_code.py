@@ -99,7 +99,7 @@ def ids() -> Table:
     import gymnasium as gym
 
     from deqmcl_gym import ABOUT
-    from deqmcl_gym.world.config import WORLDS
+    from deqmcl_gym.world import WORLDS
 
     rows = []
     for name, about in ABOUT.items():
@@ -167,11 +167,11 @@ def _words(owner: type) -> dict[str, str]:
 
 def _part(argument: str) -> tuple[Any, bool]:
     """Return a part of the world with its defaults, and whether a world may be without it."""
-    from deqmcl_gym.world import config
-    from deqmcl_gym.world.config import WORLDS
+    from deqmcl_gym import world
+    from deqmcl_gym.world import WORLDS
 
-    if argument in config._OPTIONAL:
-        return config._OPTIONAL[argument](), True
+    if argument in world._OPTIONAL:
+        return world._OPTIONAL[argument](), True
     part = getattr(WORLDS["paper"], argument, None)
     return (None, True) if argument == "floor_plan" or part is None else (part, False)
 

@@ -19,6 +19,7 @@ from localizers.api import (
 from localizers.calibration import Calibration
 from localizers.inference.hedge import hedged
 from localizers.kinds import absolute_name
+from localizers.models import RobotModel
 from localizers.models.feasibility import PlanSensor
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
@@ -29,7 +30,6 @@ from localizers.models.prior import (
     PolygonRegion,
     UniformPrior,
 )
-from localizers.models.robot import RobotModel
 from localizers.models.scan import (
     BeamModel,
     CensoredGaussianUniform,

@@ -29,7 +29,7 @@ from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import atan2_64, cos64, sin64, wrapped64
 from deqmcl_gym.validation import integer
-from deqmcl_gym.world.config import World
+from deqmcl_gym.world import World
 from deqmcl_gym.world.course import centred_heading
 from deqmcl_gym.world.episode import LidarSensor
 from localizers.inference.particles import fill_systematic, normalize, shifted

@@ -18,9 +18,9 @@ from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Floats, Singles, arrays
 from deqmcl_gym.validation import integer, number
 from localizers.api import Belief, best_cluster
+from localizers.models import RobotModel
 from localizers.models.nav2_scan import DistanceTable
 from localizers.models.prior import GaussianPrior, random_poses
-from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 
 _NEAR = 0.15  # m from a wall: where a beam ends that agrees with the map

@@ -27,7 +27,7 @@ from localizers.methods.deq_mcl import (
     mcl_smoother,
 )
 from localizers.methods.grid import grid
-from localizers.models.robot import RobotModel
+from localizers.models import RobotModel
 from localizers.models.scan import Scan, ScanModel
 
 Factory = Callable[..., Localizer]

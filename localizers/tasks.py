@@ -13,12 +13,12 @@ from typing import Any
 from deqmcl_gym.envs.acting import LocalizeEnv, Site, Sites, TrackEnv
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.validation import InputError, one_of, shown
-from deqmcl_gym.world.config import WORLDS, World, extent_of, offices_of
+from deqmcl_gym.world import WORLDS, World, extent_of, offices_of
 from localizers.api import Localizer
+from localizers.models import RobotModel
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.range_table import RangeTable
-from localizers.models.robot import RobotModel
 from localizers.models.scan import CensoredGaussianUniform
 from localizers.registry import make, parameters
 

@@ -21,7 +21,7 @@ from deqmcl_gym.numerics import Floats, Pose, Reals
 from deqmcl_gym.validation import InputError, number, one_of, shown
 from localizers.api import Belief, Localizer, Prior, best_cluster, quality_of
 from localizers.calibration import Calibration, spread_about
-from localizers.models.robot import RobotModel
+from localizers.models import RobotModel
 from localizers.recovery import Lookout, Relocalization
 
 _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad

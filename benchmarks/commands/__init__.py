@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:  # --help loads nothing heavy
-    from benchmarks.sweeps.design import Sweep
+    from benchmarks.sweeps import Sweep
 
 GROUPS = {  # of the commands
     "for everybody": {

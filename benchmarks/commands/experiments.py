@@ -28,7 +28,7 @@ from benchmarks.commands import (
 from benchmarks.console import checking, doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
-    from benchmarks.sweeps.design import Sweep
+    from benchmarks.sweeps import Sweep
     from benchmarks.sweeps.results import Results
 
 PAPER_NOTE = (
@@ -58,12 +58,12 @@ def paper_command(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.execution.processes import GUEST_SECONDS, Processes
     from benchmarks.experiment import Experiment
-    from benchmarks.files import write_files
+    from benchmarks.report import load, write_report
     from benchmarks.report.films import chosen, write_paper_figures
-    from benchmarks.report.page import load, write_report
     from benchmarks.report.verdict import conclusion
     from benchmarks.sweeps.results import summary
     from benchmarks.sweeps.running import Options, complete
+    from benchmarks.sweeps.store import write_files
     from benchmarks.sweeps.sweepfile import PAPER_METHODS
 
     named, target = options.localizers, options.out
@@ -90,7 +90,7 @@ def paper_command(options: argparse.Namespace) -> str:
 
 def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
     from benchmarks.report.tables import table_1
-    from benchmarks.tables.text import short_name
+    from benchmarks.tables import short_name
     from deqmcl_gym.validation import amount
 
     mark, paper = "# " if style == "github" else "", sweep.scenario == "paper"
@@ -167,7 +167,7 @@ def sweep_command(options: argparse.Namespace) -> str:
     if options.dask is None:
         prepare()  # while this process loads what it needs
     from benchmarks.experiment import Experiment
-    from benchmarks.report.page import no_report
+    from benchmarks.report import no_report
     from benchmarks.sweeps.running import check, complete, dry_run
 
     sweep = asked(options)
@@ -245,10 +245,10 @@ def report_command(options: argparse.Namespace) -> str:
     and --pdf write what a paper needs into DIR/export: tables.tex (booktabs) with references.bib,
     and the charts.
     """
-    from benchmarks.files import own_folder, write_files
-    from benchmarks.report.page import latex_files, pdf_files, require_report, write_report
+    from benchmarks.report import latex_files, pdf_files, require_report, write_report
     from benchmarks.report.verdict import conclusion, progress
     from benchmarks.sweeps.results import left_out_lines, pooled, results_in
+    from benchmarks.sweeps.store import own_folder, write_files
     from deqmcl_gym.validation import InputError
 
     require_report()

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.execution.processes import GUEST_SECONDS, Processes, TimedOutError, WorkerDiedError
-from benchmarks.trials.spec import Trial
+from benchmarks.trials import Trial
 from benchmarks.trials.stage import Outcome, attempt, guest_of
 from deqmcl_gym.validation import InputError, in_words, integer, number
 from localizers.digests import OURS

@@ -5,7 +5,7 @@ import gc
 
 from benchmarks.execution.processes import load_trials
 from benchmarks.setup.overrides import Overrides
-from benchmarks.trials.spec import Trial, code_digest
+from benchmarks.trials import Trial, code_digest
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.compiling import leave_untold
 

@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.report.tables import means
+from benchmarks.tables import percent
 from benchmarks.tables.frames import errors_by_offset, share_curve, whole_runs
 from benchmarks.tables.panels import Panel, disturbance_words, is_number
 from benchmarks.tables.stats import ALPHA
-from benchmarks.tables.text import percent
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.tracks import TOLERATED
 

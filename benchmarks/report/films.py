@@ -19,15 +19,15 @@ import PIL.Image
 
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
-from benchmarks.files import write_files
+from benchmarks.sweeps.store import write_files
+from benchmarks.tables import state_name
 from benchmarks.tables.frames import scored
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import state_name
+from benchmarks.trials import Trial
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, key_of
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.files import content_of
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Reals

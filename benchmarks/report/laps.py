@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.files import own_folder, write_files
 from benchmarks.report.films import LAP_STRIDE, Film, best_of, camera_of, way_of_plan, webp
-from benchmarks.tables.text import short_name, short_names, state_name
+from benchmarks.sweeps.store import own_folder, write_files
+from benchmarks.tables import short_name, short_names, state_name
+from benchmarks.trials import Trial
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import directions
 from benchmarks.trials.scoring import scores
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace
 from deqmcl_gym.envs.log import LogEnv

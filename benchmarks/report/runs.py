@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from benchmarks.tables import short_names
 from benchmarks.tables.frames import milliseconds_per_step, value_in
 from benchmarks.tables.stats import wilson
-from benchmarks.tables.text import short_names
+from benchmarks.trials import Trial
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, journey_scores
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.tracks import FOUND, NEAR, EstimatedTrack, middle, settled
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps.map import metre

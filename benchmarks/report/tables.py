@@ -14,9 +14,7 @@ import pandas as pd
 
 from benchmarks.report.verdict import AT_ALL_LOOKS, plug_in_labels
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.panels import Panel, common_words
-from benchmarks.tables.stats import Interval
-from benchmarks.tables.text import (
+from benchmarks.tables import (
     estimated,
     fixed,
     p_value,
@@ -25,6 +23,8 @@ from benchmarks.tables.text import (
     significant,
     state_name,
 )
+from benchmarks.tables.panels import Panel, common_words
+from benchmarks.tables.stats import Interval
 from benchmarks.trials.scores import LEVELS, Score, ScoreGroup
 
 _MARKED = {"better": "▼", "worse": "▲", "inconclusive": "○", "open": "○"}

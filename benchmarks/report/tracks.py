@@ -16,10 +16,10 @@ from benchmarks.report.tables import Part, Table, means, nees_words, words
 from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
+from benchmarks.tables import p_value, percent
 from benchmarks.tables.frames import paired_worlds, whole_runs
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, sample_sd, worlds_to_see
-from benchmarks.tables.text import p_value, percent
 from benchmarks.trials.scores import CALIBRATION, JOURNEY_SCORES, LEVELS
 from benchmarks.trials.tracks import FOUND, NEAR
 from deqmcl_gym.maps import Map

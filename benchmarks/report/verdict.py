@@ -9,11 +9,10 @@ import pandas as pd
 
 from benchmarks.setup.names import is_plug_in
 from benchmarks.sweeps.results import Results
-from benchmarks.tables import stats
+from benchmarks.tables import estimated, interval, p_value, percent, short_name, significant, stats
 from benchmarks.tables.comparison import RELATIONS
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, Interval
-from benchmarks.tables.text import estimated, interval, p_value, percent, short_name, significant
 from deqmcl_gym.validation import amount
 
 AT_ALL_LOOKS = "95 % at all looks"  # what an interval of a decided comparison is

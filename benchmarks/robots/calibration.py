@@ -22,8 +22,8 @@ from benchmarks.robots.played import REPLAY_SCENARIO, Replay
 from benchmarks.robots.scan_fits import known_part
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import Overrides, located
-from benchmarks.tables.text import percent
-from benchmarks.trials.spec import Trial
+from benchmarks.tables import percent
+from benchmarks.trials import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import TrackLog
 from benchmarks.trials.tracks import AGREE, agreement, calibration_of_gaussians

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.files import own_folder, write_files
 from benchmarks.report.runs import run_of_track, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, published, tables_of, tracked
 from benchmarks.robots.calibration import first_judged, late_words
@@ -21,8 +20,9 @@ from benchmarks.robots.played import EVERY, NO_ERROR
 from benchmarks.setup.logs import REPLAY, LogScenario, check_inside
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
+from benchmarks.sweeps.store import own_folder, write_files
+from benchmarks.tables import percent
 from benchmarks.tables.frames import csv_of
-from benchmarks.tables.text import percent
 from benchmarks.trials.scores import track_scores
 from benchmarks.trials.trace import calibration_of
 from benchmarks.trials.tracks import EstimatedTrack

@@ -14,8 +14,7 @@ import pandas as pd
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.execution.engines import Where
 from benchmarks.experiment import as_toml, knowing, named_localizers
-from benchmarks.files import write_files
-from benchmarks.report.page import no_report, page_files
+from benchmarks.report import no_report, page_files
 from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
 from benchmarks.report.verdict import conclusion
@@ -25,14 +24,15 @@ from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, repl
 from benchmarks.robots.residuals import PICTURE, TABLE, residuals_of
 from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps import Sweep
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, check
+from benchmarks.sweeps.store import write_files
 from benchmarks.sweeps.sweepfile import check_localizers, params_by_localizer
+from benchmarks.tables import file_words, short_names
 from benchmarks.tables.frames import csv_of
-from benchmarks.tables.text import file_words, short_names
+from benchmarks.trials import Method
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Trajectory

@@ -23,7 +23,7 @@ from benchmarks.report.tables import Part, Table
 from benchmarks.report.tracks import map_axes
 from benchmarks.robots import scan_fits
 from benchmarks.robots.played import Replay
-from benchmarks.tables.text import percent
+from benchmarks.tables import percent
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre

@@ -20,18 +20,17 @@ import numpy as np
 import pandas as pd
 from numpy.random import Generator
 
-from benchmarks.files import is_empty
 from benchmarks.robots.played import REPLAY_SCENARIO, Replay
 from benchmarks.robots.space import ASSUMED, Space, ends_of, latin_hypercube, neighbour
 from benchmarks.setup.logs import REPLAY
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
-from benchmarks.sweeps.store import Store, writing
+from benchmarks.sweeps.store import Store, is_empty, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step
+from benchmarks.trials import Provenance, Trial
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score, published_scores
 from benchmarks.trials.scoring import Finished, TrialRecord
-from benchmarks.trials.spec import Provenance, Trial
 from benchmarks.trials.stage import Stage, attempt, check_trials, key_of, provenance_of
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
 from deqmcl_gym.logs import Log

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.console import doing, log_warnings, warn
-from benchmarks.files import own_folder, write_files
 from benchmarks.robots.calibration import FEW, doubts_by
 from benchmarks.robots.played import Replay, replay_of, values_among
 from benchmarks.setup.overrides import NOTHING, Overrides
-from benchmarks.tables.text import percent
+from benchmarks.sweeps.store import own_folder, write_files
+from benchmarks.tables import percent
 from benchmarks.trials.tracks import AGREE
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Trajectory

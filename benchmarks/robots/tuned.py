@@ -8,18 +8,18 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from benchmarks.files import write_files
-from benchmarks.report.page import no_report
+from benchmarks.report import no_report
 from benchmarks.report.tables import Table
 from benchmarks.robots.nav2 import nav2_document
 from benchmarks.robots.replaying import sweep_file
 from benchmarks.robots.search import BELIEVED, RUNS, Candidate, Task, Tuning
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps import Sweep
+from benchmarks.sweeps.store import write_files
+from benchmarks.tables import estimated, fixed, percent, significant
 from benchmarks.tables.frames import by_world, csv_of
 from benchmarks.tables.stats import Interval, estimate
-from benchmarks.tables.text import estimated, fixed, percent, significant
-from benchmarks.trials.spec import Method
+from benchmarks.trials import Method
 from deqmcl_gym.files import command_line, utf8
 from deqmcl_gym.validation import InputError
 

@@ -13,7 +13,7 @@ class TrialEnv(Protocol):
     """An env that localizers can be tried in.
 
     Its ``info`` has ``command``, ``planned_actions``, ``planned_count``, ``collided`` and, at every
-    step, ``truth``: see ``deqmcl_gym.envs.room``.
+    step, ``truth``: see ``deqmcl_gym.envs``.
     """
 
     @property

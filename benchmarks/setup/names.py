@@ -16,7 +16,7 @@ from benchmarks.setup.documents import digest_of_file, from_folder
 from benchmarks.setup.overrides import Named, Overrides, wrappers
 from benchmarks.setup.scenario import RoomScenario, Scenario, Thresholds
 from deqmcl_gym.validation import InputError, one_of, part
-from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world import WORLDS
 from localizers import RobotModel, absolute_name
 from localizers.digests import content_digest
 from localizers.kinds import Kind, Placed, is_path, split

@@ -8,11 +8,11 @@ from typing import Any, Self
 from benchmarks.setup import TrialEnv
 from benchmarks.setup.overrides import NOTHING, Named, Overrides, located
 from benchmarks.setup.priors import PRIORS, Gaussian, Places, Rng, Uniform, changed
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
 from deqmcl_gym.numerics import Pose
 from deqmcl_gym.validation import integer, number, one_of
-from deqmcl_gym.world.config import World, offices_of
+from deqmcl_gym.world import World, offices_of
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel
 from localizers.models.scan import BEAM_MODELS, BeamDensity

@@ -31,14 +31,14 @@ import pandas as pd
 from tqdm import tqdm
 
 import benchmarks
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps import Sweep
+from benchmarks.trials import Method, Trial
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method, Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import ENV_ID as ROOM
 from deqmcl_gym.maps import Lidar, Map, PolygonMap
 from deqmcl_gym.numerics import Singles
-from deqmcl_gym.world.config import PAPER_ROOM
+from deqmcl_gym.world import PAPER_ROOM
 from localizers import make
 
 BEAMS, POSES = 16, 20_000

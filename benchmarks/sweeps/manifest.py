@@ -9,10 +9,10 @@ from typing import Any
 from msgspec import Struct, field, to_builtins
 from msgspec.structs import replace
 
-from benchmarks.files import is_empty
 from benchmarks.setup.overrides import renamed, spelt
-from benchmarks.sweeps.design import Sweep
-from benchmarks.trials.spec import Environment, Provenance, environment
+from benchmarks.sweeps import Sweep
+from benchmarks.sweeps.store import is_empty
+from benchmarks.trials import Environment, Provenance, environment
 from benchmarks.trials.stage import provenance_of
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError, shown

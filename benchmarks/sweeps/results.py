@@ -9,18 +9,17 @@ from typing import Any
 import pandas as pd
 
 from benchmarks.setup import documents, overrides
-from benchmarks.sweeps import manifest
-from benchmarks.sweeps.design import Sweep, by_cell
+from benchmarks.sweeps import Sweep, by_cell, manifest
 from benchmarks.sweeps.manifest import Manifest, differences
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.tables import BASELINE
 from benchmarks.tables.comparison import decide, decisions_table, results_table
 from benchmarks.tables.panels import Panel, panels, trial_words
 from benchmarks.tables.signals import plans_table
 from benchmarks.tables.stats import FIRST, Rule
-from benchmarks.tables.text import BASELINE
+from benchmarks.trials import Method, Setting, Trial
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method, Setting, Trial
 from deqmcl_gym.files import command_line
 from deqmcl_gym.validation import InputError, one_line
 

@@ -26,8 +26,7 @@ from tqdm.auto import tqdm
 
 from benchmarks.console import FailedWarning, beside, doing, say
 from benchmarks.execution.engines import Engine, Where, available_cpus, outcomes
-from benchmarks.sweeps import manifest
-from benchmarks.sweeps.design import Sweep, by_cell
+from benchmarks.sweeps import Sweep, by_cell, manifest
 from benchmarks.sweeps.manifest import Manifest, Verified, differences
 from benchmarks.sweeps.results import (
     Results,
@@ -40,8 +39,8 @@ from benchmarks.sweeps.results import (
 )
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.panels import trial_words
+from benchmarks.trials import Provenance, Trial, environment
 from benchmarks.trials.scoring import SCORE_NAMES, TrialRecord
-from benchmarks.trials.spec import Provenance, Trial, environment
 from benchmarks.trials.stage import Outcome, check_trials, provenance_of
 from deqmcl_gym.validation import InputError, amount, one_line, shown
 

@@ -17,8 +17,8 @@ from benchmarks.setup.names import (
     absolute_scenario,
 )
 from benchmarks.setup.overrides import NOTHING, Named, Overrides, listed, located, wrappers
-from benchmarks.sweeps.design import PARTS, Sweep, Takes
-from benchmarks.trials.spec import Method
+from benchmarks.sweeps import PARTS, Sweep, Takes
+from benchmarks.trials import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, one_of
 from localizers import absolute_name, names, parameters

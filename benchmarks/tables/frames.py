@@ -15,9 +15,9 @@ import pandas as pd
 
 from benchmarks.setup.overrides import jsonable
 from benchmarks.tables.stats import NOT_KNOWN, Interval, estimate, wilson
+from benchmarks.trials import Method, Setting, Trial
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
-from benchmarks.trials.spec import Method, Setting, Trial
 
 SETTING = tuple(field.name for field in fields(Setting))
 METHOD = ("method", "params")

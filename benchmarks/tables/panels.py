@@ -10,12 +10,11 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.setup.overrides import FILES, Named, Overrides, file_names, spelt
-from benchmarks.tables import frames
+from benchmarks.tables import BASELINE, frames, short_name, short_names
 from benchmarks.tables.stats import ALPHA, Rule
-from benchmarks.tables.text import BASELINE, short_name, short_names
+from benchmarks.trials import Method, Setting, Trial
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method, Setting, Trial
 
 
 @dataclass(frozen=True, kw_only=True)

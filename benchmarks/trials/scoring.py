@@ -8,8 +8,8 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
+from benchmarks.trials import Trial
 from benchmarks.trials.scores import JOURNEY_SCORES, METRICS, journey_scores, state_error
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import PROFILE_STRIDE, Trace, TrackLog, plan_columns
 from benchmarks.trials.tracks import EstimatedTrack, Journey, mean, unless_nan
 from deqmcl_gym.logs import Log

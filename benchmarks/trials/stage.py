@@ -20,11 +20,11 @@ from benchmarks.setup import Agent, TrialEnv
 from benchmarks.setup.documents import digest_of_file, errors_name
 from benchmarks.setup.names import AGENT, make_agent, plug_ins_of, scenario, scenario_digest
 from benchmarks.setup.scenario import RoomScenario, Scenario
+from benchmarks.trials import Provenance, Trial, code_digest, stream, versions
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.episode import Step, drive, followed, sees_belief
 from benchmarks.trials.scores import ScoreGroup, groups_named
 from benchmarks.trials.scoring import TrialRecord, record
-from benchmarks.trials.spec import Provenance, Trial, code_digest, stream, versions
 from benchmarks.trials.trace import JourneyLog, Trace, TrackLog
 from benchmarks.trials.tracks import is_symmetric
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange

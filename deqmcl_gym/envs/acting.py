@@ -20,7 +20,7 @@ from deqmcl_gym.maps import Box, Offices
 from deqmcl_gym.maps.clusters import Near, best_cluster
 from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, one_of
-from deqmcl_gym.world.config import World
+from deqmcl_gym.world import World
 from deqmcl_gym.world.course import centred_heading
 from deqmcl_gym.world.driver import NO_PLAN
 from deqmcl_gym.world.episode import Body, LidarSensor, contacts_of

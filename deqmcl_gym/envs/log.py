@@ -26,7 +26,7 @@ from deqmcl_gym.validation import (
     one_of,
     shown,
 )
-from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world import WORLDS
 from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.rules import StepResult, check_options
 

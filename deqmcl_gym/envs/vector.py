@@ -126,7 +126,7 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
 
 
 class RoomVectorEnv(ManyEpisodes):
-    """n rooms of :class:`deqmcl_gym.envs.room.RoomEnv`, each with its own seed and episodes.
+    """n rooms of :class:`deqmcl_gym.envs.RoomEnv`, each with its own seed and episodes.
 
     docs/environment.md describes what differs from one room. Where episodes draw offices,
     ``floor_plan`` is that of the first seed: see :attr:`floor_plans`.
@@ -147,7 +147,7 @@ class RoomVectorEnv(ManyEpisodes):
             max_episode_steps: number of steps after which episodes are truncated; None is 408, the
                 registered limit, and -1 is no limit, as in ``gym.make``.
             autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's own constant.
-            room: further arguments of :class:`deqmcl_gym.envs.room.RoomEnv`.
+            room: further arguments of :class:`deqmcl_gym.envs.RoomEnv`.
         """
         self._limit = _limit(max_episode_steps)
         self._rules = rules = RoomRules.of(**room)

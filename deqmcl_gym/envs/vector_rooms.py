@@ -10,7 +10,7 @@ from deqmcl_gym.envs import vector_kernels as kernels
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
-from deqmcl_gym.world.config import Stream, World, episode_stream
+from deqmcl_gym.world import Stream, World, episode_stream
 from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan, Underway
 from deqmcl_gym.world.episode import Beginning

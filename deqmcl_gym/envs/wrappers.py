@@ -11,13 +11,13 @@ from gymnasium.spaces.utils import is_space_dtype_shape_equiv
 from numpy.typing import ArrayLike
 
 from deqmcl_gym import validation
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.log import LogEnv
-from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics import Floats, Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, boolean, integer, number, shown
-from deqmcl_gym.world.config import Stream
+from deqmcl_gym.world import Stream
 from deqmcl_gym.world.rules import StepResult, scan_space
 
 

@@ -13,8 +13,7 @@ from deqmcl_gym.maps.polygons import signed_area
 from deqmcl_gym.numerics import Floats, Point, Pose, Singles, arrays
 from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64
 from deqmcl_gym.validation import InputError, digits
-from deqmcl_gym.world import path_kernels
-from deqmcl_gym.world.config import World
+from deqmcl_gym.world import World, path_kernels
 
 
 def centred_heading(angle: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, RoomActions, arrays
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Driver, World
+from deqmcl_gym.world import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, Path
 from deqmcl_gym.world.path_kernels import NEARER, drive_along, once_round, room_for_noise, steer
 

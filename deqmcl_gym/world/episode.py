@@ -16,7 +16,7 @@ from deqmcl_gym.maps.grid_kernels import first_contact
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.world.config import Stream, World, episode_stream
+from deqmcl_gym.world import Stream, World, episode_stream
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.differences import Glass, Way, altered
 from deqmcl_gym.world.driver import GuidedPlan, Plan, Underway, points_of

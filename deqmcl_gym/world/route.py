@@ -11,7 +11,7 @@ from deqmcl_gym.maps.map import Map, pixel
 from deqmcl_gym.numerics import Bools, Floats, Indices, Point, Pose
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Route, Stream, World, episode_stream
+from deqmcl_gym.world import Route, Stream, World, episode_stream
 from deqmcl_gym.world.course import Course, Path
 
 _CELL = 5.0  # px: 0.1 m

@@ -15,7 +15,7 @@ from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics import Bools, Floats, Pose, RoomActions, Singles, arrays
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
-from deqmcl_gym.world.config import (
+from deqmcl_gym.world import (
     WORLDS,
     Robot,
     Stream,

@@ -13,8 +13,8 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 import benchmarks
-from benchmarks.files import write_files
-from benchmarks.report.page import latex_files, pdf_files
+from benchmarks.report import latex_files, pdf_files
+from benchmarks.sweeps.store import write_files
 
 sweep = benchmarks.sweep(
     "guided",

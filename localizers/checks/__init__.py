@@ -20,7 +20,7 @@ from localizers.checks.subject import (
     state_kept,
 )
 from localizers.kinds import is_ctrl_c, raised
-from localizers.models.robot import RobotModel
+from localizers.models import RobotModel
 from localizers.registry import Factory
 
 if TYPE_CHECKING:

@@ -27,9 +27,9 @@ from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.validation import SUM_TOLERANCE, digits
 from localizers.api import Belief, Localizer, mean_pose
 from localizers.kinds import absolute_name, parameters_of
+from localizers.models import RobotModel
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
-from localizers.models.robot import RobotModel
 from localizers.models.scan import GaussianUniform
 from localizers.registry import LOCALIZER, Factory, resolve
 

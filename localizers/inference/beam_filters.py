@@ -25,8 +25,7 @@ from localizers.inference.particles import (
     maximum,
     normalized_with_log_sum,
 )
-from localizers.models import beam_kernels
-from localizers.models.robot import RobotModel
+from localizers.models import RobotModel, beam_kernels
 from localizers.models.scan import LidarScan, Scan
 
 JUDGES = 512  # particles, evenly spaced, by which beams are judged

@@ -16,12 +16,12 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.validation import InputError, boolean, number
 from localizers.api import Belief, Localizer, Points, Prior, quality_of
-from localizers.inference.bayes_filter import Filter, FilterLocalizer
+from localizers.inference import Filter, FilterLocalizer
 from localizers.inference.belief import Events, ParticleBelief, PlanReading
 from localizers.inference.futures import Foresight
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.particles import Action, Actions, States, pointed_at
-from localizers.models.robot import RobotModel
+from localizers.models import RobotModel
 from localizers.models.scan import Scan
 
 

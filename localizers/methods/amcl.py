@@ -15,7 +15,7 @@ from deqmcl_gym.maps.map import pixel, scaled
 from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
 from localizers.api import Motion, Prior
-from localizers.inference.bayes_filter import (
+from localizers.inference import (
     checked_plan,
     checked_prior,
     checked_rng,
@@ -26,6 +26,7 @@ from localizers.inference.belief import ParticleBelief, Queue
 from localizers.inference.loss_detector import Averages, LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
 from localizers.inference.particles import BeamFilter, KldSampling
+from localizers.models import RobotModel
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed_increment, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
@@ -35,7 +36,6 @@ from localizers.models.nav2_scan import (
     metres_in,
 )
 from localizers.models.prior import random_poses
-from localizers.models.robot import RobotModel
 from localizers.models.scan import ScanModel
 
 DIFFERENTIAL, OMNI = "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"

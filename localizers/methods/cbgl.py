@@ -20,7 +20,7 @@ from localizers.inference.belief import ParticleBelief, Queue
 from localizers.inference.particle_filter import MAX_PARTICLES, ParticleFilter
 from localizers.inference.particles import Action, Actions, States, log_evidence
 from localizers.methods.deq_mcl import ON_THE_MAP, Shared, mcl, mcl_map, method
-from localizers.models.robot import RobotModel
+from localizers.models import RobotModel
 from localizers.models.scan import Scan
 
 _BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache

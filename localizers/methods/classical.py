@@ -19,7 +19,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.validation import InputError, number
 from localizers.api import Points, Prior, mean_pose
-from localizers.inference.bayes_filter import (
+from localizers.inference import (
     FilterLocalizer,
     checked_action,
     checked_plan,
@@ -29,8 +29,8 @@ from localizers.inference.bayes_filter import (
 from localizers.inference.belief import Events
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particles import log_evidence
+from localizers.models import RobotModel
 from localizers.models.motion import OdometryMotion, distance_and_bearing, odometry
-from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan
 
 

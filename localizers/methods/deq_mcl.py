@@ -10,16 +10,16 @@ from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, Generic, TypeVar
 
 from deqmcl_gym.validation import InputError, integer, keep_plain, number, one_of, shown
-from localizers.inference.bayes_filter import Filter, FilterLocalizer
+from localizers.inference import Filter, FilterLocalizer
 from localizers.inference.beam_filters import beam_filter
 from localizers.inference.futures import Foresight, PlanEvidence
 from localizers.inference.hedge import Hedge
 from localizers.inference.loss_detector import LossDetector, Recovery
 from localizers.inference.particle_filter import InformedStart, Injection, ParticleFilter
 from localizers.inference.particles import SCHEMES, Feasibility, Resampling
+from localizers.models import RobotModel
 from localizers.models.feasibility import CostMap, FreeSpace, PlanSensor
 from localizers.models.prior import UniformPrior
-from localizers.models.robot import RobotModel
 
 ON_THE_MAP = ("inflation_radius", "cost_scaling_factor")  # what a step costs
 FOR_THE_LOST = (

@@ -18,12 +18,12 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from localizers.api import Points, Prior
-from localizers.inference.bayes_filter import FilterLocalizer
+from localizers.inference import FilterLocalizer
 from localizers.inference.belief import Events
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particles import pointed_at
+from localizers.models import RobotModel
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments, odometry
-from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan, ScanTable, normal_pdf
 
 EMPTY_CELL = 1e-140  # of less: below the normal numbers arithmetic takes 100 times as long

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from benchmarks.setup.overrides import Overrides
+from benchmarks.trials import Trial
 from benchmarks.trials.scores import groups_named, journey_scores
 from benchmarks.trials.scoring import record
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import JourneyLog, Trace
 from benchmarks.trials.tracks import (

@@ -20,9 +20,8 @@ from report_cases import (
     written,
 )
 
-from benchmarks.report import films, tables
+from benchmarks.report import films, tables, write_report
 from benchmarks.report.films import Animation
-from benchmarks.report.page import write_report
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"

@@ -20,8 +20,8 @@ from report_cases import (
 
 from benchmarks.report import tables
 from benchmarks.report.verdict import conclusion, verdict_on
+from benchmarks.tables import file_words
 from benchmarks.tables.panels import panels
-from benchmarks.tables.text import file_words
 from benchmarks.trials.scoring import RecordedTrack
 
 ONE = (0,)

@@ -8,7 +8,7 @@ import numpy as np
 
 import localizers
 from deqmcl_gym.maps import Lidar, Map
-from localizers.inference.bayes_filter import FilterLocalizer
+from localizers.inference import FilterLocalizer
 
 Drive = tuple[np.ndarray, np.ndarray]
 STILL = localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0)

@@ -9,7 +9,7 @@ from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Office, PolygonMap
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import WORLDS, offices_of
+from deqmcl_gym.world import WORLDS, offices_of
 
 OFFICE = Office(seed=3, wings=1)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.drive_kernels import drive
