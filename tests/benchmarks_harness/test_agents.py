@@ -17,6 +17,7 @@ from benchmarks.trials.stage import Stage, key_of
 
 TRIAL = Trial(scenario="guided", localizer="mcl", params=(), lag=0, seed=0, trial=0)
 SWEEP = {"localizers": ["mcl-map", "mcl"], "scenario": "guided", "trials": 2}
+BAD = TURNER.replace("        return np.array", "        {}\n        return np.array")
 
 
 def driven(errors, agent, localizer="mcl", **params):
@@ -98,9 +99,6 @@ def test_an_agent_of_a_trial_drives_and_its_code_is_in_the_key(tmp_path):
 @pytest.mark.parametrize("name", AGENTS)
 def test_our_agents_keep_all_laws(name):
     assert check("agents", name).failed == ()
-
-
-BAD = TURNER.replace("        return np.array", "        {}\n        return np.array")
 
 
 @pytest.mark.parametrize(

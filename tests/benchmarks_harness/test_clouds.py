@@ -22,6 +22,12 @@ from deqmcl_gym.validation import InputError
 
 PI = math.pi
 TRUTH = np.array([110.0, 50.0, -3.1])
+KINDS = generated.floating_dtypes() | generated.integer_dtypes()
+NUMBERS = generated.arrays(KINDS, st.just((4, 3)))
+SHAPES = generated.array_shapes(max_dims=2, max_side=4)
+ANYTHING = generated.arrays(generated.scalar_dtypes(), SHAPES)
+# 4 · ½ log(2πe), by hand
+FOUR = 5.6757541328
 
 
 def cloud(n, seed):
@@ -155,12 +161,6 @@ def test_a_pose_that_is_not_finite_or_huge_is_refused_also_at_weight_0(column, v
         belief_moments(together((POSES, WEIGHTS), (poses, weights)))
 
 
-KINDS = generated.floating_dtypes() | generated.integer_dtypes()
-NUMBERS = generated.arrays(KINDS, st.just((4, 3)))
-SHAPES = generated.array_shapes(max_dims=2, max_side=4)
-ANYTHING = generated.arrays(generated.scalar_dtypes(), SHAPES)
-
-
 @settings(max_examples=500, deadline=None)
 @given(NUMBERS | NUMBERS.map(np.asfortranarray) | ANYTHING, st.just(np.full(4, 0.25)) | ANYTHING)
 def test_any_points_are_scored_as_numpy_would_or_refused_in_one_sentence(poses, weights):
@@ -216,10 +216,6 @@ def test_the_heading_error_is_the_shorter_way_round_for_any_mean(estimated, true
     means = estimate(0, 0, estimated, length)
     error = scores.heading_error(means, np.array([[5.0, 5.0, true]]))
     assert error == pytest.approx([apart], abs=1e-12)  # a few roundings of numbers below 20
-
-
-# 4 · ½ log(2πe), by hand
-FOUR = 5.6757541328
 
 
 def test_entropy_does_not_fall_below_that_of_the_floors():

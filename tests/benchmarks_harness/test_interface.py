@@ -16,6 +16,11 @@ from benchmarks.sweeps.design import Sweep
 from localizers import PoseBelief
 
 FEW = {"trials": 2, "params": {"particles": 20}, "lag": 4}
+QUICK = {
+    "floor_plan": {"office": {"wings": 1, "corridors": 1, "seed": 3}},
+    "localizer": {"name": "mcl-map", "particles": 500},
+    "max_steps": 40,
+}
 
 
 class Still:
@@ -191,13 +196,6 @@ def test_classes_of_a_cell_and_a_module_have_the_same_numbers_in_one_process_and
     assert one.strip() == two.strip()
     assert "OfCell" in one
     assert "OfModule" in one
-
-
-QUICK = {
-    "floor_plan": {"office": {"wings": 1, "corridors": 1, "seed": 3}},
-    "localizer": {"name": "mcl-map", "particles": 500},
-    "max_steps": 40,
-}
 
 
 def spinning(seen, info):

@@ -33,6 +33,8 @@ from benchmarks.trials.scores import GROUPS
 from benchmarks.trials.scoring import WholeRun
 
 NEVER = math.inf
+WORLDS = 12
+COLUMNS = ["runs", "localized", "metres_median", "steps_median"]
 
 
 def test_the_curve_of_a_hand_made_case_counts_censored_runs_as_not_localized():
@@ -158,9 +160,6 @@ def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
     assert tables_of(plain) == journey_charts(plain) == []
 
 
-WORLDS = 12
-
-
 def sought(method, found, error=2.0, score="success_1m"):
     """Runs of which the first ``found`` succeed."""
     records = [finished(method, world, error + 0.1 * world) for world in range(WORLDS)]
@@ -231,9 +230,6 @@ def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_
             store.put(key, TRIAL, spoilt, 1.0)
         with pytest.raises(ValueError, match="whole run named 'fame'"):
             changed(kept.journey, scores=kept.journey.scores | {"fame": 1.0})
-
-
-COLUMNS = ["runs", "localized", "metres_median", "steps_median"]
 
 
 def run_of(world, way, distance, angle, *, name="mcl", off=0.0, segment=6.0, **params):

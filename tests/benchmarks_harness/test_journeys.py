@@ -24,6 +24,9 @@ from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.map import metre
 
 NEVER = math.inf
+STRAIGHT = np.array([[0.0, 0, 0], [3, 0, 0], [3, 3, 1]])
+ANYWHERE = (("prior.kind", "uniform"),)
+KIDNAP = (Overrides({"kind": "kidnap", "step": 40}),)
 
 
 def fixes(distance, angle=0.0, quality=math.nan, *, steps=None, count=None, stride=0.5):
@@ -92,9 +95,6 @@ def test_the_way_is_what_was_commanded_and_a_metre_is_fifty_pixels():
     assert (metre("px"), metre("m")) == (50.0, 1.0)
 
 
-STRAIGHT = np.array([[0.0, 0, 0], [3, 0, 0], [3, 3, 1]])
-
-
 def journey(truth=STRAIGHT, goal=(3.0, 3.2), planned=5.0, contacts=0, **parts):
     """A drive of 6 m that ends 0.2 m from its goal."""
     n = len(truth)
@@ -159,10 +159,6 @@ def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():
 def trial(**parts):
     usual = {"scenario": "sharp", "localizer": "mcl-map", "lag": 0, "seed": 0, "trial": 0}
     return Trial(**usual | {"params": Overrides({"particles": 300})} | parts)
-
-
-ANYWHERE = (("prior.kind", "uniform"),)
-KIDNAP = (Overrides({"kind": "kidnap", "step": 40}),)
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,11 @@ localizers = ["mcl", "dead-reckoning"]
 [params]
 particles = 100
 """
+NOISY = [  # above what is assumed anyway
+    OdometryMotion(drive=0.3, turn=0.4, drift=0.25),
+    DifferentialMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3),
+    OmniMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3, alpha5=0.4),
+]
 
 
 @pytest.fixture(scope="module")
@@ -201,13 +206,6 @@ def log_of(meant: np.ndarray, done: np.ndarray, every: int = 1, unit: str = "m")
     log = Log(scanner, times, dead_reckoned(meant), ranges, unit=unit)
     truth = Trajectory(times[::every], dead_reckoned(done)[::every])
     return referenced(log, truth, max_gap=math.inf)
-
-
-NOISY = [  # above what is assumed anyway
-    OdometryMotion(drive=0.3, turn=0.4, drift=0.25),
-    DifferentialMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3),
-    OmniMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3, alpha5=0.4),
-]
 
 
 @pytest.mark.parametrize("model", NOISY, ids=kind_of)

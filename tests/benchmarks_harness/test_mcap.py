@@ -22,6 +22,11 @@ from deqmcl_gym import logs
 from localizers import best_cluster
 
 FIXED, BYTES = {1: "<d", 5: "<I"}, 2  # wire types
+RUN = ("run", "--scenario", "guided", "--localizer", "mcl", "--particles", "20")
+REPLAY = (
+    *("replay", "lap.csv", "--map", "hall.yaml", "--localizers", "mcl,amcl", "--particles", "50"),
+    *("--set", "assumed.scan.power=0.5", "--seeds", "1", "--jobs", "1"),
+)
 
 
 def decoded(data):
@@ -164,13 +169,6 @@ def hall(here):
     logs.Trajectory(log.times, log.reference).write("lap.tum")
     logs.write(log, "lap.csv")
     return hall, log
-
-
-RUN = ("run", "--scenario", "guided", "--localizer", "mcl", "--particles", "20")
-REPLAY = (
-    *("replay", "lap.csv", "--map", "hall.yaml", "--localizers", "mcl,amcl", "--particles", "50"),
-    *("--set", "assumed.scan.power=0.5", "--seeds", "1", "--jobs", "1"),
-)
 
 
 def test_a_replay_has_its_localizers_side_by_side_at_the_times_of_the_log(hall, tmp_path):

@@ -26,6 +26,10 @@ from deqmcl_gym.world.drawing import View
 HALL = PolygonMap(outer=[(0, 0), (60, 0), (60, 40), (0, 40)], unit="m")
 BLUE, GREEN, GRAY, ORANGE = (0, 114, 178), (0, 158, 115), (128, 128, 128), (255, 140, 0)
 STEPS, FOUND = 12, 7
+# without mcl the first method is the baseline: here a variant of the same localizer
+FORMS = ("systematic", "stratified")
+BEAMS, WIDTHS, LENGTHS = (1, 4), (1.2, 3.2), ((8.0, 12.0), (40.0, 60.0))
+WORLDS = 12
 
 
 def episode(rng):
@@ -78,10 +82,6 @@ def test_a_plan_is_laid_from_a_pose_by_turning_before_each_drive():
         np.array([1.0, 2.0, math.pi / 2]), np.array([[2.0, 0.0], [1.0, -math.pi / 2]])
     )
     assert way == pytest.approx(np.array([[1, 2], [1, 4], [2, 4]]))
-
-
-# without mcl the first method is the baseline: here a variant of the same localizer
-FORMS = ("systematic", "stratified")
 
 
 def shown(lap):
@@ -235,10 +235,6 @@ def test_words_seeds_and_single_values_make_no_curve():
     for seed, kind in product((0, 1), ("systematic", "multinomial")):
         records += trials("mcl", [1.0], seed=seed, params={"resampler": kind, "particles": 10})
     assert swept_charts(panels_of(records)) == []
-
-
-BEAMS, WIDTHS, LENGTHS = (1, 4), (1.2, 3.2), ((8.0, 12.0), (40.0, 60.0))
-WORLDS = 12
 
 
 def at(record, beams, width, length):

@@ -23,6 +23,7 @@ from benchmarks.trials.stage import Outcome
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 SOON = 20.0  # seconds in which a process that ends is gone; never waited out if all is well
+DONE = Outcome(record={}, seconds=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -179,9 +180,6 @@ def test_a_worker_that_cannot_start_is_told_from_one_that_died(tmp_path):
     said, _ = script(tmp_path, CANNOT_START).communicate(timeout=60)
     words = r"BrokenExecutor a worker process could not start \(exit code \d\)\n"
     assert re.fullmatch(words, said)
-
-
-DONE = Outcome(record={}, seconds=1.0)
 
 
 @dataclass

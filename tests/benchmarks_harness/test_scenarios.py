@@ -23,6 +23,8 @@ from deqmcl_gym.world.drawing import PERSON
 from localizers import BeamModel
 from localizers.models.nav2_motion import unknown_motion
 
+agent = partial(make_agent, robot=None)
+
 
 def trial(**changes):
     few = {"scenario": "sharp", "localizer": "dead-reckoning", "params": ()}
@@ -262,9 +264,6 @@ def test_a_bad_scenario_file_is_refused_by_name(tmp_path, text, named):
     path.write_text(text)
     with refused(str(path), *named):
         Stage.of(trial(scenario=str(path))).check()
-
-
-agent = partial(make_agent, robot=None)
 
 
 @pytest.mark.parametrize(

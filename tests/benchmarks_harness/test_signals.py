@@ -19,6 +19,13 @@ from benchmarks.trials.trace import PLAN_COLUMNS, plan_columns, plan_row
 from localizers.inference.belief import PlanReading
 
 NEAR, AWAY = 1.0, 60.0  # errors on either side of 50 px
+KINDS = {
+    "rated": [(0.2, AWAY), (0.9, NEAR)],
+    "never": [(0.2, NEAR), (0.9, NEAR)],
+    "always": [(0.2, AWAY), (0.9, AWAY)],
+}
+AHEAD = np.tile([5.0, 0.0], (8, 1))  # 40 px straight on
+IN_THE_OPEN, AT_THE_WALL = np.array([30.0, 50.0, 0.0]), np.array([30.0, 50.0, math.pi])
 
 
 def trial(number, steps, *, first_state=0, at_start=NEAR, filter_seed=0):
@@ -105,13 +112,6 @@ def test_steps_with_a_quality_are_matched_with_their_own_states(at, auroc, share
     assert found["far_steps"] == share
 
 
-KINDS = {
-    "rated": [(0.2, AWAY), (0.9, NEAR)],
-    "never": [(0.2, NEAR), (0.9, NEAR)],
-    "always": [(0.2, AWAY), (0.9, AWAY)],
-}
-
-
 def test_the_table_says_the_auroc_and_of_how_many_steps():
     far = [20.0] * 3
     records = [rated(run, KINDS[name]) for name in KINDS for run in trials(name, far)]
@@ -124,10 +124,6 @@ def test_the_table_says_the_auroc_and_of_how_many_steps():
         ["always", "n/a", "100.0 %", "3 of 3"],
         ["blind", "n/a", "n/a", "n/a"],
     ]
-
-
-AHEAD = np.tile([5.0, 0.0], (8, 1))  # 40 px straight on
-IN_THE_OPEN, AT_THE_WALL = np.array([30.0, 50.0, 0.0]), np.array([30.0, 50.0, math.pi])
 
 
 def read(pose, trusted=math.nan, **reading):

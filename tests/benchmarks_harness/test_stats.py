@@ -18,6 +18,7 @@ from benchmarks.trials.scores import JOURNEY_SCORES
 
 NUMBERS = st.floats(-1e6, 1e6)
 TIED = st.integers(-3, 4).map(float)  # zeros among them
+P_VALUES = st.lists(st.floats(0, 1) | st.sampled_from([0.01, 0.5, math.nan]), max_size=12)
 
 
 def worlds(least=0, most=60, of=NUMBERS | TIED):
@@ -74,9 +75,6 @@ def test_wilcoxon_is_scipys_exact_test_of_up_to_fifty(n, seed):
 def test_wilcoxon_is_scipys_approximation_of_many_with_ties(differences):
     expected = scipy_stats.wilcoxon(differences, correction=False, method="approx").pvalue
     assert stats.wilcoxon(differences) == pytest.approx(expected, rel=1e-12)
-
-
-P_VALUES = st.lists(st.floats(0, 1) | st.sampled_from([0.01, 0.5, math.nan]), max_size=12)
 
 
 @given(P_VALUES, st.floats(0, 0.999))

@@ -22,6 +22,7 @@ from deqmcl_gym.files import writable_folder, write_text
 TRIAL = Trial(scenario="paper", localizer="mcl", params=(), lag=20, seed=0, trial=0)
 KEY = "0123abcd"
 DONE = changed(finished("mcl", 0, 1.5), trial=TRIAL, key=KEY, seconds=2.5)
+FILES = {"a.csv": b"a", "images/b.svg": b"b"}
 
 
 def record_of(done):
@@ -165,9 +166,6 @@ def test_lines_that_are_no_trial_of_the_sweep_are_named_with_the_reason(tmp_path
         "trials.jsonl, line 2": "is of other code, libraries or plug-ins",
         "trials.jsonl, line 3": "is of a trial that this sweep does not have",
     }
-
-
-FILES = {"a.csv": b"a", "images/b.svg": b"b"}
 
 
 def test_files_are_written_over_those_of_before_beside_the_users(tmp_path):

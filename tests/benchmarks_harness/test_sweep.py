@@ -22,6 +22,9 @@ from benchmarks.trials import stage
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage, provenance_of
 
+CALLS = ("__init__", "reset", "update", "points")
+ONE_JOB = Where(jobs=1)
+
 
 def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
     return paper_sweep(
@@ -73,9 +76,6 @@ class Sure:
         return localizers.PoseBelief(self.POSE)
 
 
-CALLS = ("__init__", "reset", "update", "points")
-
-
 def broken(call, **methods):
     """A localizer that is its own belief, and fails in one of its calls."""
 
@@ -101,9 +101,6 @@ def test_a_localizer_that_fails_fails_its_own_trials_alone(tmp_path, made, reaso
     assert reason in bad
     assert good is None
     assert len(records(tmp_path)) == 1
-
-
-ONE_JOB = Where(jobs=1)
 
 
 def swept(out, names=("sure",), where=ONE_JOB, **said):

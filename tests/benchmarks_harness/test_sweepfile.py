@@ -44,6 +44,8 @@ world.lidar.sigma = [5.0, 20.0]
 [[vary]]
 params.pilots = [1, 2, 3]
 """
+REPORTS = Path(__file__).parents[2] / "docs" / "reports"
+BESIDE = [path.relative_to(REPORTS).as_posix() for path in sorted(REPORTS.glob("*/*.toml"))]
 
 
 def read(tmp_path, text):
@@ -242,10 +244,6 @@ def test_a_sweep_file_of_another_ending_is_told_how_it_must_end(tmp_path):
     for name in (f"{tmp_path}/mine.conf", "/dev/stdin"):
         with refused(f"is the file {name}", "must end in .toml"):
             sweep_named(name)
-
-
-REPORTS = Path(__file__).parents[2] / "docs" / "reports"
-BESIDE = [path.relative_to(REPORTS).as_posix() for path in sorted(REPORTS.glob("*/*.toml"))]
 
 
 @pytest.mark.parametrize("name", [name for name in SUITES if name != "basin"])  # needs a log

@@ -36,6 +36,7 @@ PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of
 }
 UNPRINTED = ("mcl-map-smoother", "dead-reckoning", "somebodys-plug-in")
 PAPER = (4, 6, 9, 11, 13, 15)  # columns
+CITATION = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8"))
 
 
 def lines(*records):
@@ -104,9 +105,6 @@ def test_the_papers_values_in_the_reports_are_those_printed():
             assert f"{row['error']} ({row['error_sd']})" == error
             names = ("entropy", "var_x", "var_y", "var_cos", "var_sin")
             assert [row[name] for name in names] == others
-
-
-CITATION = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")

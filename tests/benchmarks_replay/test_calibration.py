@@ -18,6 +18,8 @@ from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of
 from deqmcl_gym.maps import GridMap
 
 EVERY = {"world.every": "0.1m,5deg"}
+STRAY = [(32, 100)]  # a cell on the robot's way, 5 cm wide
+SPECKLED = [(row, column) for row in range(13, 60, 6) for column in range(70, 131, 12)]
 
 
 def hall() -> GridMap:
@@ -99,10 +101,6 @@ def test_without_enough_of_a_reference_the_power_stays(replay, folder):
     blind = replay_of(folder / "blind.npz", folder / "hall.yaml", **told)
     assert replace(with_fitted_power(blind), power="") == blind
     assert judged_after_part(blind) == blind
-
-
-STRAY = [(32, 100)]  # a cell on the robot's way, 5 cm wide
-SPECKLED = [(row, column) for row in range(13, 60, 6) for column in range(70, 131, 12)]
 
 
 def largest_errors(tmp_path, cells, name, power, **params):

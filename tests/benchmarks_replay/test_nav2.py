@@ -46,6 +46,12 @@ local_costmap:
     ros__parameters:
       resolution: 0.05
 """
+ELSEWHERE = {
+    "bt: {}\namcl: {ros__parameters: {pf_z: 0.7}}": "amcl",
+    "bt: {ros__parameters: {a: {b: 1, b: 2}}}": "bt.ros__parameters.a.b",
+    "ns: {bt: {ros__parameters: {a: 1}}, bt: {ros__parameters: {a: 2}}}": "ns.bt.ros__parameters.a",
+}
+PARTS = st.lists(st.sampled_from(["*", "**", "amcl", "a", "b"]), min_size=1, max_size=4)
 
 
 @pytest.fixture
@@ -207,13 +213,6 @@ def test_a_launch_substitution_that_is_needed_and_has_no_default_is_refused(tmp_
         assert f"not used: {name} (a launch substitution: no start is taken)" in found.notes[0]
 
 
-ELSEWHERE = {
-    "bt: {}\namcl: {ros__parameters: {pf_z: 0.7}}": "amcl",
-    "bt: {ros__parameters: {a: {b: 1, b: 2}}}": "bt.ros__parameters.a.b",
-    "ns: {bt: {ros__parameters: {a: 1}}, bt: {ros__parameters: {a: 2}}}": "ns.bt.ros__parameters.a",
-}
-
-
 @pytest.mark.parametrize("text", ELSEWHERE)
 def test_a_key_that_is_given_twice_is_a_note_and_the_later_counts(tmp_path, text):
     path = of_amcl(tmp_path / "x.yaml", "pf_z: 0.9")
@@ -225,9 +224,6 @@ def test_a_key_that_is_given_twice_is_a_note_and_the_later_counts(tmp_path, text
     document = nav2_document({"pf_z": 0.8}, path)
     assert document["amcl"]["ros__parameters"]["pf_z"] == 0.8
     assert [name for name in ("bt", "ns") if name in document]
-
-
-PARTS = st.lists(st.sampled_from(["*", "**", "amcl", "a", "b"]), min_size=1, max_size=4)
 
 
 @settings(max_examples=100, deadline=None)

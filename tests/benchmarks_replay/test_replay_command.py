@@ -36,6 +36,9 @@ class Broken:
     def reset(self, prior, plan, rng): raise OSError("no laser")
     def update(self, ranges, action, plan): ...
 """
+ROOM = PolygonMap(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)), unit="m")
+SIDES = np.arange(1.0, 11.0)
+TEMPLATE = "localizers.template:MyLocalizer"
 
 
 def of_motion(params):
@@ -54,10 +57,6 @@ def replay(*words, drawn=False):
         if not drawn:
             patched.setattr(command, "no_report", lambda: "it is left out")
         return exit_code("replay", *words)
-
-
-ROOM = PolygonMap(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)), unit="m")
-SIDES = np.arange(1.0, 11.0)
 
 
 def drive(n, interpolated=None):
@@ -437,9 +436,6 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     )
     assert "sideways: for a robot that can move so, add --set assumed.motion" in plain
     assert omni is None
-
-
-TEMPLATE = "localizers.template:MyLocalizer"
 
 
 def test_a_notebook_replays_a_log_with_its_own_class_and_gets_the_commands_tables(recorded):

@@ -24,6 +24,7 @@ REPLAY = ("replay", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "
 REPLAY += ("--localizers", "mcl", "--particles", "100", "--seeds", "2")
 REPLAY += ("--set", "world.max_beams=20")
 WHOLE = ("--reference", "lap.tum", "--log", "lap.csv", "--map", "hall.yaml")
+COVARIANCES = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
 
 
 @pytest.fixture(scope="module")
@@ -135,9 +136,6 @@ def test_gaussians_are_calibrated_by_the_chi_squared_distribution():
     assert abs(nees.mean() - 3) < 4 * math.sqrt(6 / n)
     for p in (0.5, 0.8, 0.95):
         assert abs((rank <= p).mean() - p) < 4 * math.sqrt(p * (1 - p) / n)
-
-
-COVARIANCES = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
 
 
 def write_estimate(path, times, poses, spread):

@@ -14,6 +14,11 @@ from benchmarks.studies.speed import RATIOS, Effort, Job, beside
 from deqmcl_gym.world.config import PAPER_ROOM
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
+BOUNDS = {  # of ratios within one process, never a time; far from what we aim at
+    "rays_vs_numpy": (3.0, math.inf),
+    "deq_vs_map_step": (0.0, 2.0),
+    "deq_lag80_vs_lag10": (0.0, 1.6),
+}
 
 
 def lasting(seconds):
@@ -45,13 +50,6 @@ def test_ranges_in_numpy_are_exact_within_a_turn_that_float32_cannot_resolve():
     slack = 5e-4  # px: a product, a quotient and differences of coordinates to 350
     assert (seen >= np.min(around, axis=0) - slack).all()
     assert (seen <= np.max(around, axis=0) + slack).all()
-
-
-BOUNDS = {  # of ratios within one process, never a time; far from what we aim at
-    "rays_vs_numpy": (3.0, math.inf),
-    "deq_vs_map_step": (0.0, 2.0),
-    "deq_lag80_vs_lag10": (0.0, 1.6),
-}
 
 
 @pytest.mark.slow

@@ -26,6 +26,8 @@ TASK = {
     "cell": 2.0,
 }
 ROOMS = 5
+SQUARE = {"outer": [[0, 0], [9, 0], [9, 9], [0, 9]], "unit": "m"}
+FEW = {"name": "mcl", "particles": 50}
 
 
 def actions(rng, seen):
@@ -117,10 +119,6 @@ def test_rooms_go_on_the_same_after_pickling_and_on_one_thread():
         assert all((seen[name] == other[name]).all() for name in seen)
     envs.close()
     copy.close()
-
-
-SQUARE = {"outer": [[0, 0], [9, 0], [9, 9], [0, 9]], "unit": "m"}
-FEW = {"name": "mcl", "particles": 50}
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,12 @@ from deqmcl_gym.world.drawing import BLACK, GRAY, PALE, Drawing, View
 MAKE = 'assert gymnasium.make("deqmcl_gym/Room-v0").reset(seed=1)[1]["planned_count"] == 204'
 FIRST_CALL = "numba.core.typing.cffi_utils"  # which the first call of a kernel loads
 MANY = 'gymnasium.make_vec("deqmcl_gym:deqmcl_gym/Room-v0", num_envs=2, vectorization_mode="{}")'
+OTHERWISE = {"clutter": {}, "people": {}, "ends_at_goal": False}
+ARRAYS = {
+    "planned_actions": np.float32, "command": np.float32, "truth": np.float64,
+}  # fmt: skip
+PAGE = (Path(deqmcl_gym.__file__).parents[1] / "docs" / "environment.md").read_text("utf-8")
+SCALE, MARGIN = 2.0, 8  # View's defaults: image pixels per px, image pixels around
 
 
 def run(code: str) -> None:
@@ -118,9 +124,6 @@ def test_spaces_are_the_documented_boxes():
     assert env.action_space == gym.spaces.Box(low, high, dtype=np.float32)
 
 
-OTHERWISE = {"clutter": {}, "people": {}, "ends_at_goal": False}
-
-
 @pytest.mark.parametrize(
     ("context", "world"),
     [("fork", {}), ("spawn", {}), ("spawn", {"preset": "guided"}), ("spawn", OTHERWISE)],
@@ -142,11 +145,6 @@ def test_rooms_in_processes_of_their_own_say_what_rooms_in_this_one_say(context,
             np.testing.assert_equal(away.step(actions), told)
     finally:
         away.close()
-
-
-ARRAYS = {
-    "planned_actions": np.float32, "command": np.float32, "truth": np.float64,
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("horizon", [None, 1, 1000])
@@ -218,9 +216,6 @@ def test_what_is_done_to_returned_arrays_and_frames_matters_to_nobody():
     np.testing.assert_array_equal(spoiled.render(), other.render())  # its first picture
 
 
-PAGE = (Path(deqmcl_gym.__file__).parents[1] / "docs" / "environment.md").read_text("utf-8")
-
-
 def test_every_key_of_info_is_documented():
     for key in RoomInfo.__annotations__:
         assert f"| `{key}` | " in PAGE
@@ -229,9 +224,6 @@ def test_every_key_of_info_is_documented():
 def test_every_further_argument_of_the_vector_env_is_documented():
     further = set(inspect.signature(RoomVectorEnv).parameters) - {"room", "render_mode"}
     assert all(re.search(rf"^\| `{name}` \| ", PAGE, re.MULTILINE) for name in further)
-
-
-SCALE, MARGIN = 2.0, 8  # View's defaults: image pixels per px, image pixels around
 
 
 def test_the_robots_gray_disc_is_where_the_robot_is_with_y_up():

@@ -20,6 +20,8 @@ LEGS = (25, 40, 50, 40, 25)
 FULL = 900.0  # px: 2 · (250 + 200)
 DRIVE, TURN = [5.0, 0.0], [0.0, math.pi / 12]
 BY_HAND = np.float32(np.vstack([part for n in LEGS for part in ([TURN] * 6, [DRIVE] * n)][1:]))
+DONE = FULL - 8 + 100  # the robot's rim at the line; the bonus
+EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000
 
 
 def rewards_of(said: list[tuple]) -> np.ndarray:
@@ -79,10 +81,6 @@ def test_a_start_off_the_lap_drives_to_its_nearest_point_and_once_around_to_ther
     assert arrived == 4 + 4 - 1
     assert distance[-1] < tolerance
     assert abs(env.plan[arrived + 1 :, 0].sum() - 900) < 1e-3  # float32 sum of 180 exact numbers
-
-
-DONE = FULL - 8 + 100  # the robot's rim at the line; the bonus
-EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000
 
 
 @pytest.mark.parametrize("rounding", [0.0, 1e-15, -1e-12])

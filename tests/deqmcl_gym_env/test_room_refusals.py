@@ -25,6 +25,7 @@ HUGE = {"outer": [[0, 0], [1e5, 0], [1e5, 1e5], [0, 1e5]]}
 RECESS = {"outer": OUTER, "obstacles": [[[60, 0], [64, 0], [64, 200], [60, 200]],
                                         *PAPER["obstacles"]]}  # fmt: skip
 BESIDE = {"waypoints": [(82, 50), (300, 50), (300, 250), (82, 250)]}
+HALL = {"outer": [[0, 0], [300, 0], [300, 300], [0, 300]]}
 
 
 @pytest.mark.parametrize(
@@ -80,9 +81,6 @@ def believing(**kwargs):
     env = on_a_route(**kwargs)
     robot = RobotModel(floor_plan=env.floor_plan, lidar=env.lidar, radius=env.radius)
     return BeliefObservation(env, make("mcl", robot), UniformPrior(floor_plan=env.floor_plan))
-
-
-HALL = {"outer": [[0, 0], [300, 0], [300, 300], [0, 300]]}
 
 
 def begun(**kwargs):

@@ -22,6 +22,9 @@ from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.course import Path
 from deqmcl_gym.world.route import Routes
 
+ROOM = PolygonMap(**PAPER)
+ROUTES = Routes(ROOM, radius=10.0, comfort=40.0)
+
 
 def office(seed=0, seeds=None, **kwargs) -> RoomEnv:
     kind = {key: kwargs.pop(key) for key in ("wings", "corridors") if key in kwargs}
@@ -193,10 +196,6 @@ def test_an_open_path_is_followed_to_its_end_and_not_round(corners, share):
     points = path.corners_from(share * path.length)
     rest = np.hypot(*np.diff(points, axis=0).T).sum()
     assert rest == pytest.approx((1 - share) * path.length, abs=1e-9)
-
-
-ROOM = PolygonMap(**PAPER)
-ROUTES = Routes(ROOM, radius=10.0, comfort=40.0)
 
 
 def points(seed, count):

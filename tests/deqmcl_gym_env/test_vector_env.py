@@ -47,6 +47,7 @@ DRIVES = [  # the world; the share of planned actions, the steps; least contacts
        {"planned": 0.7, "steps": 70}) for mode in MODES),
     ({"horizon": 5, "ends_at_goal": False}, {"planned": 1.0, "steps": 210}),
 ]  # fmt: skip
+FORWARD = np.float32([5.0, 0.0])
 
 
 @pytest.mark.parametrize(("world", "drive"), DRIVES)
@@ -97,9 +98,6 @@ def test_masked_resets_agree(seed):
         ours = native.reset(seed=seed, options=dict(chosen))
         theirs = loop.reset(seed=seed, options=dict(chosen))
         assert_same(ours, theirs, NEAR)
-
-
-FORWARD = np.float32([5.0, 0.0])
 
 
 def rooms(number: int = 3, **kwargs) -> RoomVectorEnv:

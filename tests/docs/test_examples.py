@@ -38,6 +38,12 @@ WRAPPED = FOREIGN | {
     "filterpy_odometry.py": "filterpy.kalman",
     "kiss_icp_odometry.py": "kiss_icp.config",
 }
+NOTEBOOK = ROOT / "docs" / "deq-mcl.ipynb"
+FEWER = (('sweep("paper")', 'sweep("paper", trials=2)'), ("trials=10", "trials=2"))
+FOLDER = ROOT / "docs" / "examples" / "learned_scan"
+MODEL = f"{FOLDER}/learned_scan.py:LearnedScan"
+REACH, BEAMS = 12.0, 16
+BUILDINGS, STEPS, ROOMS, CROP = (40, 43), 30, 4, 32
 
 
 @pytest.mark.parametrize("name", FOREIGN)
@@ -159,10 +165,6 @@ def test_the_learned_localizer_follows_the_robot_where_dead_reckoning_does_not()
     assert errors["dead-reckoning"] > 12.0
 
 
-NOTEBOOK = ROOT / "docs" / "deq-mcl.ipynb"
-FEWER = (('sweep("paper")', 'sweep("paper", trials=2)'), ("trials=10", "trials=2"))
-
-
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
 def test_the_notebook_runs_and_deq_mcl_loses_world_1(here):
     cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
@@ -187,11 +189,6 @@ def test_the_notebook_runs_and_deq_mcl_loses_world_1(here):
 def test_the_notebook_is_kept_without_outputs():
     cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
     assert [cell for cell in cells if cell.get("outputs") or cell.get("execution_count")] == []
-
-
-FOLDER = ROOT / "docs" / "examples" / "learned_scan"
-MODEL = f"{FOLDER}/learned_scan.py:LearnedScan"
-REACH, BEAMS = 12.0, 16
 
 
 @pytest.fixture(scope="module")
@@ -283,9 +280,6 @@ def test_training_writes_what_the_model_reads(tmp_path):
     assert said.count("beam model") == said.count("learned") == 2
     with np.load(out) as new, np.load(FOLDER / "learned_scan.npz") as shipped:
         assert {n: new[n].shape for n in new} == {n: shipped[n].shape for n in shipped}
-
-
-BUILDINGS, STEPS, ROOMS, CROP = (40, 43), 30, 4, 32
 
 
 @pytest.fixture(scope="module")

@@ -36,6 +36,7 @@ COSTS = np.array([0.0, 0.3, 0.7, 0.1, 0.5])
 GRADED = np.where(COLLIDES, 1.0, COSTS)  # of each step
 
 Plan = tuple[int, ...]
+RESAMPLING = {"always": Resampling(), "when degenerate": Resampling(ess_threshold=0.5)}
 
 
 @dataclass(frozen=True)
@@ -155,9 +156,6 @@ def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
         steps = list(pairwise(places))[first:]
         figures.append(math.exp(-beta * sum(COLLIDES[step] for step in steps)))
     return figures
-
-
-RESAMPLING = {"always": Resampling(), "when degenerate": Resampling(ess_threshold=0.5)}
 
 
 def ring_filter(beta: float, **parts) -> ParticleFilter:

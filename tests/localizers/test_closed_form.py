@@ -11,6 +11,8 @@ from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers.methods import classical as kernels
 from localizers.methods.classical import gaussian_points
 
+COVARIANCE = np.array([[90.0, 20.0, 0.6], [20.0, 60.0, -0.4], [0.6, -0.4, 0.03]])
+
 
 def test_it_adds_the_commands_up_and_rolls_the_plan_out(robot, prior):
     square = np.array([(10.0, math.pi / 2)] * 4)
@@ -38,9 +40,6 @@ def test_it_follows_what_was_carried_out_not_what_was_planned(robot, prior):
     x, y, _ = prior.mean
     assert belief.points()[0][0, :2].tolist() == [x + 3, y]
     assert belief.points(1)[0][0, :2].tolist() == [x + 10, y]
-
-
-COVARIANCE = np.array([[90.0, 20.0, 0.6], [20.0, 60.0, -0.4], [0.6, -0.4, 0.03]])
 
 
 @pytest.mark.parametrize("bearing", [0.0, 0.9, -math.pi / 2])

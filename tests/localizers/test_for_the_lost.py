@@ -23,6 +23,7 @@ from localizers.models.prior import even_poses, random_poses
 
 RNG = np.random.default_rng
 FOR_THE_LOST = ["mcl-map", "mcl-plan"]
+DRIVE, TURN, BACK = (5.0, 0.0), (5.0, 0.3), (-5.0, 0.0)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
@@ -136,9 +137,6 @@ def test_with_a_given_share_the_mixture_is_exact(strategy):
         )
     error = found.std(axis=0, ddof=1) / math.sqrt(replicates)
     assert np.abs((found.mean(axis=0) - exact) / error).max() < 5
-
-
-DRIVE, TURN, BACK = (5.0, 0.0), (5.0, 0.3), (-5.0, 0.0)
 
 
 @pytest.mark.parametrize(

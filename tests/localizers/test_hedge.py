@@ -19,6 +19,9 @@ from localizers.models.scan import LidarScan, Scan
 N = 60
 RNG = np.random.default_rng
 SOME = st.floats(-50.0, 20.0)
+BETA, SWITCHING, TRUST, MANY = 2.0, 0.2, 0.6, 400_000
+# of frequencies of n draws, resampled at each of 4 steps: 5 standard deviations
+TOLERANCE = 5 * 0.5 * math.sqrt(5 / MANY)
 
 
 @settings(max_examples=300)
@@ -156,11 +159,6 @@ def two_modes(drive, beta, switching, trust, *, mutual):
         clouds[0] /= clouds[0].sum()
         told.append((q, *clouds))
     return told
-
-
-BETA, SWITCHING, TRUST, MANY = 2.0, 0.2, 0.6, 400_000
-# of frequencies of n draws, resampled at each of 4 steps: 5 standard deviations
-TOLERANCE = 5 * 0.5 * math.sqrt(5 / MANY)
 
 
 @pytest.mark.parametrize("mutual", [False, True], ids=["protected", "mutual"])

@@ -18,6 +18,9 @@ from localizers.models import motion
 from localizers.models.feasibility import FreeSpace
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
+RNG = np.random.default_rng
+MOTION = OdometryMotion(drive=0.2, turn=0.2, drift=0.02)
+PLAN = np.array([(5.0, 0.1), (0.0, -0.26), (5.0, 0.26), (40.0, 0.0), (-5.0, 3.0), (1e7, 0.0)])
 
 
 @pytest.mark.parametrize("evidence", ["plan", "future"])
@@ -102,11 +105,6 @@ def test_a_hedge_looks_ahead_if_its_advised_member_does(make, robot, prior, driv
         poses, weights = belief.points(5)
         assert np.array_equal(poses, np.concatenate([poses for poses, _ in members]))
         assert np.array_equal(weights, belief.points()[1])
-
-
-RNG = np.random.default_rng
-MOTION = OdometryMotion(drive=0.2, turn=0.2, drift=0.02)
-PLAN = np.array([(5.0, 0.1), (0.0, -0.26), (5.0, 0.26), (40.0, 0.0), (-5.0, 3.0), (1e7, 0.0)])
 
 
 def cloud(n: int) -> np.ndarray:

@@ -20,6 +20,8 @@ from localizers.models.scan import Scan
 
 LIDAR = Lidar(beams=180, field_of_view=math.pi, max_range=12.0)
 FIELD = {"sigma": 0.2, "farthest": 2.0, "cell": 0.02}
+# the robot at (2.025, 1.025) looks along x: beams to the right, ahead, to the left
+HERE = np.array([[2.025], [1.025], [0.0]], np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -100,10 +102,6 @@ def three_beams(**params) -> dict:
     hall = GridMap(occupancy=cells, resolution=0.05)
     lidar = Lidar(beams=3, field_of_view=math.pi, max_range=10.0)
     return {"floor_plan": hall, "lidar": lidar, **params}
-
-
-# the robot at (2.025, 1.025) looks along x: beams to the right, ahead, to the left
-HERE = np.array([[2.025], [1.025], [0.0]], np.float32)
 
 
 def test_three_beams_of_the_beam_model_weigh_as_computed_by_hand():

@@ -21,6 +21,9 @@ from localizers.registry import LOCALIZER
 from localizers.template import MyLocalizer
 
 BUILT_IN = localizers.names()
+MALFORMED = (b"[deqmcl.localizers]\nno equals sign\n = pack.good:Mine\n", b"no section\n", b"\xff")
+OF_OTHERS = ("other.bin", "table.bin", "other.py", "__pycache__/alone.cpython-311.pyc")
+OF_PACKAGE = ("weights.npz", "deep/er/w.bin", "torn.py")
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
@@ -204,9 +207,6 @@ def test_a_broken_entry_point_breaks_only_its_own_use(module, install, value):
     refusal("broken")
 
 
-MALFORMED = (b"[deqmcl.localizers]\nno equals sign\n = pack.good:Mine\n", b"no section\n", b"\xff")
-
-
 @pytest.mark.parametrize("text", MALFORMED)
 def test_malformed_entry_points_of_one_package_hide_no_other(module, install, tmp_path, text):
     install("theirs = pack.good:Mine")
@@ -303,10 +303,6 @@ def test_the_digest_runs_nothing_and_what_cannot_be_imported_has_one(module, ins
     for name in ("no_such_pack:Mine", "no_such_file.py:Mine", ":", "..:Mine", *BUILT_IN):
         assert localizers.source_digest(name) is None
     assert not [name for name in sys.modules if name.partition(".")[0] == "pack"]
-
-
-OF_OTHERS = ("other.bin", "table.bin", "other.py", "__pycache__/alone.cpython-311.pyc")
-OF_PACKAGE = ("weights.npz", "deep/er/w.bin", "torn.py")
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,9 @@ from localizers.models.scan import LidarScan, Scan, ScanTable
 MAX = 400.0
 MODELS = [GaussianUniform, CensoredGaussianUniform, BeamModel]  # products over beams
 ALL = [*MODELS, LatentShare]
+# outside the building no scan is likelier than at any pose inside it, and each beam counts
+SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
+OF_SHARES = [(0.05, 2.0), (0.5, 0.3), (0.2, 50.0)]
 
 
 def phi(z: float) -> float:
@@ -180,10 +183,6 @@ def test_any_map_and_any_beam_model_will_do():
             LidarScan(floor_plan=Hall(), lidar=LIDAR, beam=beam)
 
 
-# outside the building no scan is likelier than at any pose inside it, and each beam counts
-SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
-
-
 def sizes(*usual: float):
     """The sizes given, and any between the smallest and the largest."""
     exponents = st.floats(np.log10(usual[0]), np.log10(usual[-1]))
@@ -241,9 +240,6 @@ def test_outside_the_walls_each_usable_beam_counts_minus_thirty(room, beam, used
     ranges = np.concatenate([np.full(used, 200.0), np.full(lost + 1, np.nan)])
     outside = np.array([[-9.0], [-9.0], [0.0]], np.float32)
     assert model.log_likelihood(outside, Scan.of(ranges, 400.0)).tolist() == [used * -30.0]
-
-
-OF_SHARES = [(0.05, 2.0), (0.5, 0.3), (0.2, 50.0)]
 
 
 def parts(model, ranges, expected):

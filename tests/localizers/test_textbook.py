@@ -16,6 +16,9 @@ from localizers.methods import grid as method
 from localizers.methods.grid import PoseGrid
 
 OUTSIDE = -30.0  # of each usable beam
+PARTICLES = 25
+DRIVEN = [(20.0, 0.0), (20.0, 0.3), (25.0, -0.2), (30.0, 0.0), (15.0, 0.5)]
+SEEN = [[270.0], [150.0], [230.0], [200.0], [90.0]]
 
 
 def segments(polygon) -> np.ndarray:
@@ -189,11 +192,6 @@ def test_a_prior_that_underflows_far_away_is_taken_where_numpy_raises(robot):
         with np.errstate(all="raise"):
             belief = grid.reset(prior, [], np.random.default_rng(0))
         assert belief.points()[1].sum() == pytest.approx(1)
-
-
-PARTICLES = 25
-DRIVEN = [(20.0, 0.0), (20.0, 0.3), (25.0, -0.2), (30.0, 0.0), (15.0, 0.5)]
-SEEN = [[270.0], [150.0], [230.0], [200.0], [90.0]]
 
 
 def summary(poses: np.ndarray, weights: np.ndarray) -> list[float]:

@@ -30,6 +30,10 @@ from localizers.models.scan import Scan
 INF = math.inf
 LOG = st.sampled_from([0.0, -INF, -1e308, 1e308, -745.2, -1e-300]) | st.floats(-1.7e308, 1e3)
 SHARE = st.sampled_from([0.0, 1e-300, 1e-16, 1.0]) | st.floats(0, 1)
+quietly = pytest.mark.filterwarnings("error")  # inf - inf and 0 · inf would say so
+INTO_THE_WALL = np.tile([-80.0, 0.0], (6, 1))  # from (50, 50, 0): x = -30 after the first step
+AHEAD = np.tile([10.0, 0.0], (6, 1))
+SCANS = np.full((6, 1), 250.0)
 
 
 def lists(of, least=1, most=60):
@@ -254,12 +258,6 @@ def test_it_is_the_heaviest_cell_and_its_neighbours(n, spread, equal, unit, seed
     found = best_cluster(poses, weights, unit=unit)
     assert found.share == pytest.approx(weights[near].sum())
     assert found.mean == pytest.approx(mean_pose(poses[near], weights[near] / found.share))
-
-
-quietly = pytest.mark.filterwarnings("error")  # inf - inf and 0 · inf would say so
-INTO_THE_WALL = np.tile([-80.0, 0.0], (6, 1))  # from (50, 50, 0): x = -30 after the first step
-AHEAD = np.tile([10.0, 0.0], (6, 1))
-SCANS = np.full((6, 1), 250.0)
 
 
 @pytest.fixture

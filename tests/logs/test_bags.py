@@ -13,6 +13,8 @@ from rosbags.rosbag2 import StoragePlugin
 from deqmcl_gym import logs
 from deqmcl_gym.validation import InputError
 
+LASERLESS = "no topic of type sensor_msgs/msg/LaserScan; its topics"
+
 
 def drive(*more, times=(0.5, 1.0, 1.5), **of_scans):
     """Odometry at 0, 1, 2 s, one metre apart; scans in between."""
@@ -109,9 +111,6 @@ def test_topics_are_chosen_by_type_if_there_is_one_and_by_name_if_there_are_seve
     log, warned = read_and_warned(path, scan_topic="/scan", reference_topic="/odom")
     assert f"the poses of /odom in {path} are in frame odom" in warned
     np.testing.assert_allclose(log.reference, log.odometry, atol=1e-12)
-
-
-LASERLESS = "no topic of type sensor_msgs/msg/LaserScan; its topics"
 
 
 @pytest.mark.parametrize(

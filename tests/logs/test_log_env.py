@@ -28,6 +28,9 @@ from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.validation import InputError
 
 LOG_ID = "deqmcl_gym:deqmcl_gym/Log-v0"
+PATCHY = real(n=400, seed=1)  # a reference at 7 of 10 records
+WORDS = ("obstacle", "transparent", "free")
+ENV = 'log = "lap.csv"\nmap = "hall.yaml"\nreference = "lap.tum"\nsegment = 1.0\n'
 
 
 def played(env, seed=None):
@@ -234,9 +237,6 @@ def test_the_recorder_refuses_an_env_without_scans(env):
         RecordLog(RoomEnv(), truth="no")
 
 
-PATCHY = real(n=400, seed=1)  # a reference at 7 of 10 records
-
-
 @given(st.floats(0.1, 0.4), st.integers(0, 2**31))
 def test_a_segment_goes_so_far_and_is_referenced_throughout(length, seed):
     log = PATCHY
@@ -263,10 +263,6 @@ def test_segments_are_drawn_by_the_seed_alone():
 
     assert times(3) == times(3) != times(4)
     assert len(set(times(3, 20))) > 5
-
-
-WORDS = ("obstacle", "transparent", "free")
-ENV = 'log = "lap.csv"\nmap = "hall.yaml"\nreference = "lap.tum"\nsegment = 1.0\n'
 
 
 @pytest.fixture

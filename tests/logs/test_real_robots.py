@@ -31,6 +31,8 @@ from deqmcl_gym.logs.trajectory import read_estimate, tolerance_of
 
 TIMES, POSES = driven()
 MOUNT = (0.2, -0.1, 0.4)
+LOG = logs.Log(logs.Scanner(angles=(0.0,), max_range=5.0), TIMES, POSES, np.ones((41, 1)))
+RECORDS = TIMES[1:40:4]
 
 
 def interleaved(times, poses):
@@ -46,18 +48,12 @@ def place(log):
     return (*log.scanner.mounting, log.scanner.turn)
 
 
-LOG = logs.Log(logs.Scanner(angles=(0.0,), max_range=5.0), TIMES, POSES, np.ones((41, 1)))
-
-
 def referenced_by(stamps, at=slice(1, 40, 4), tolerance=None):
     """A log of scans 0.4 s apart, and with a reference at such stamps, s."""
     log = LOG.of_records(np.arange(41)[at])
     columns = [np.interp(stamps, TIMES, column) for column in POSES.T]
     reference = logs.Trajectory(stamps, np.column_stack(columns))
     return log, logs.referenced(log, reference, tolerance=tolerance)
-
-
-RECORDS = TIMES[1:40:4]
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ READINGS = {  # what stands for no return, and what a log has for it
     0.0: NAN, -1.0: NAN, NAN: NAN, -math.inf: NAN, 0.1: NAN,
     3.0: math.inf, 3.5: math.inf, 65.535: math.inf, math.inf: math.inf,
 }  # fmt: skip
+WIDE, DEEP = 6.0, 4.0  # m, of a room with a corner in (0, 0)
 
 
 def one_reading(path, reading):
@@ -87,9 +88,6 @@ def test_a_log_most_of_whose_beams_are_dropped_says_why(heard):
     _, warned = heard(*moving(TIMES, POSES), *near)
     assert "67% of the ranges are no measurements: 0% are at or beyond max_range" in warned
     assert "67% at or below min_range, 5 m" in warned
-
-
-WIDE, DEEP = 6.0, 4.0  # m, of a room with a corner in (0, 0)
 
 
 def seen(pose, angles):

@@ -16,6 +16,8 @@ from deqmcl_gym.logs.carmen import read_carmen
 
 ROS = (".bag", ".mcap", "")
 IN_ROWS = (".csv", ".csv.gz", ".npz")  # formats with the reference in the records themselves
+finite = st.floats(-0.1, 0.1)  # no jump
+readings = st.one_of(st.floats(0.5, 78.5, width=32), st.sampled_from([0.0, 79.0, 81.83, math.inf]))
 
 
 def bent():
@@ -47,10 +49,6 @@ def test_a_log_comes_back_with_all_digits(tmp_path, ending, made):
         np.testing.assert_allclose(found[:, 1], 0, atol=1e-9)
     assert not back.skipped
     assert [path.name for path in tmp_path.iterdir()] == [f"x{ending}"]  # nothing beside it
-
-
-finite = st.floats(-0.1, 0.1)  # no jump
-readings = st.one_of(st.floats(0.5, 78.5, width=32), st.sampled_from([0.0, 79.0, 81.83, math.inf]))
 
 
 @settings(max_examples=200)

@@ -12,6 +12,9 @@ from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import WORLDS, offices_of
 
 OFFICE = Office(seed=3, wings=1)
+NAN = float("nan")
+SQUARE = [(0, 0), (100, 0), (100, 100), (0, 100)]
+COVER = [(-1, -1), (101, -1), (101, 101), (-1, 101)]
 
 
 def floor_plan(given):
@@ -54,11 +57,6 @@ def test_a_broken_file_of_polygons_is_refused_by_name(tmp_path, text, words):
     with pytest.raises(InputError, match=words) as refusal:
         floor_plan(path)
     assert "broken.json" in str(refusal.value)
-
-
-NAN = float("nan")
-SQUARE = [(0, 0), (100, 0), (100, 100), (0, 100)]
-COVER = [(-1, -1), (101, -1), (101, 101), (-1, 101)]
 
 
 @pytest.mark.parametrize(

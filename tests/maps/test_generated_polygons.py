@@ -15,6 +15,7 @@ from deqmcl_gym.maps.polygons import OVERLAP
 from deqmcl_gym.validation import InputError
 
 quietly = settings(suppress_health_check=list(HealthCheck))
+corners = st.tuples(st.integers(0, 12), st.integers(0, 12))
 
 
 def made(plan: dict) -> PolygonMap | str:
@@ -73,9 +74,6 @@ def test_a_floor_plan_is_made_with_exact_geometry_or_refused_for_what_is_wrong(p
     low, high = np.min([exact, *nudged], axis=0), np.max([exact, *nudged], axis=0)
     assert (seen > low - 1e-4 * size - 16 * step).all()
     assert (seen < high + 1e-4 * size + 16 * step).all()
-
-
-corners = st.tuples(st.integers(0, 12), st.integers(0, 12))
 
 
 @quietly

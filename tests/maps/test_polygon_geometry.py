@@ -23,6 +23,10 @@ HALL = PolygonMap(
         [(170, 30), (210, 50), (190, 90), (150, 70)],
     ],
 )
+BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
+OFFICE = office()
+# of a pose, as float32 cannot do better near a corner, and of the way along the beam
+HALF_PX, HALF_RAD = 5e-4, 5e-6
 
 
 def _forest() -> PolygonMap:
@@ -58,9 +62,6 @@ def awkward_poses(plan: PolygonMap, n: int, rng: np.random.Generator) -> np.ndar
     headings = np.where(kind <= 1, np.arctan2(target[:, 1], target[:, 0]), headings)
     headings = np.where(kind == 2, rng.integers(-2, 3, n) * np.pi / 2, headings)
     return np.column_stack([points, headings])
-
-
-BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
 
 
 @pytest.mark.parametrize("name", PLANS)
@@ -168,9 +169,6 @@ def test_neither_further_columns_nor_the_number_of_steps_change_an_answer():
         assert plan.collides(poses[:n], after[:n], 8.0).tolist() == together[:n].tolist()
 
 
-OFFICE = office()
-
-
 def poses_around(grid, n, rng) -> np.ndarray:
     """Poses on the map and around it, one of them lost, rows (3, n) float32."""
     points = somewhere(grid, n, rng, margin=2.0)
@@ -207,10 +205,6 @@ def test_both_count_the_steps_that_collide_on_the_grid(
     path = np.vstack([np.zeros((1, 2), np.float32), path])
     hits = Map.collisions_along(grid, poses, path, size)
     assert np.array_equal(grid.collisions_along(poses, path, size), hits)
-
-
-# of a pose, as float32 cannot do better near a corner, and of the way along the beam
-HALF_PX, HALF_RAD = 5e-4, 5e-6
 
 
 @pytest.mark.parametrize("name", PLANS)

@@ -12,6 +12,8 @@ EPS = np.finfo(float).eps
 # Each function is a short polynomial, scaled: a handful of roundings, stated as 4 units in the
 # last place of the result, or of 1 where the result is a sum of terms near 1.
 TOLERANCE = 4 * EPS
+# four half units in the last place of a float32 below 1, 3e-8 each
+SINGLE = 1.2e-7
 
 
 def each(function, *arguments):
@@ -110,10 +112,6 @@ def test_shapes_are_kept_and_arguments_left_alone():
     assert arrays.exp(given).shape == (2, 2)
     assert (given == before).all()
     assert arrays.sin(0.5).shape == ()
-
-
-# four half units in the last place of a float32 below 1, 3e-8 each
-SINGLE = 1.2e-7
 
 
 def sincos(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

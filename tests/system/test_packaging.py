@@ -16,6 +16,8 @@ import deqmcl_gym
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("benchmarks", "deqmcl_gym", "localizers")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+COMMAND = "import sys; from benchmarks.cli import main; sys.exit(main(sys.argv[1:]))"
+DROP_FROM_BOUNDING_SET, DAC_OVERRIDE = 24, 1  # prctl(2), capabilities(7)
 
 
 def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
@@ -58,10 +60,6 @@ def test_citation_and_the_newest_release_in_the_changelog_are_those_of_this_vers
 def test_plots_and_reports_are_extras_and_not_required():
     required = PROJECT["project"]["dependencies"]
     assert not any(line.startswith(("matplotlib", "jinja2", "scipy")) for line in required)
-
-
-COMMAND = "import sys; from benchmarks.cli import main; sys.exit(main(sys.argv[1:]))"
-DROP_FROM_BOUNDING_SET, DAC_OVERRIDE = 24, 1  # prctl(2), capabilities(7)
 
 
 def heed_permissions() -> None:

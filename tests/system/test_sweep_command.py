@@ -13,6 +13,9 @@ from benchmarks.report import page
 from benchmarks.sweeps import manifest, running
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_named, sweep_of
 
+VARIED = "\n[[vary]]\nparams.particles = [5, 6]\n"
+UNTIL = ("--until-decided", "--max-worlds", "22")
+
 
 def test_a_sweep_writes_tables_manifest_and_a_line_a_trial(finished):
     names = {"manifest.json", "results.csv", "trials.csv", "timings.csv", "trials.jsonl"}
@@ -59,9 +62,6 @@ def test_shards_in_one_folder_or_copied_come_to_the_whole(file, finished, tmp_pa
     assert "4 of 4 trials finished." in capsys.readouterr().out
     assert len(ran) == 4
     assert tables(out) == tables(finished)
-
-
-VARIED = "\n[[vary]]\nparams.particles = [5, 6]\n"
 
 
 def test_worlds_seed_and_parameters_given_as_options_are_as_if_the_file_said_them(tmp_path, ran):
@@ -122,9 +122,6 @@ def test_the_time_of_a_dry_run_is_shared_out_among_jobs(tmp_path, monkeypatch, c
     file = write_small(tmp_path, trials=50)  # 100 trials of 6 s
     assert sweep(file, tmp_path / "out", "--dry-run", "--jobs", jobs) == 0
     assert f"About {time}" in capsys.readouterr().out
-
-
-UNTIL = ("--until-decided", "--max-worlds", "22")
 
 
 def counts(out):
