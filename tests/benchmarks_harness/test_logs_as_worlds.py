@@ -58,6 +58,12 @@ NOISY = [  # above what is assumed anyway
     DifferentialMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3),
     OmniMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3, alpha5=0.4),
 ]
+STEPS = 4000
+# as of good odometry
+QUIET = [
+    DifferentialMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002),
+    OmniMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002, alpha5=0.01),
+]
 
 
 @pytest.fixture(scope="module")
@@ -172,14 +178,6 @@ def test_an_agent_that_would_drive_a_log_is_refused(folder):
     (folder / "hall.toml").write_text(changed)
     with refused("recorded actions"):
         scenario(str(folder / "hall.toml")).room()
-
-
-STEPS = 4000
-# as of good odometry
-QUIET = [
-    DifferentialMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002),
-    OmniMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002, alpha5=0.01),
-]
 
 
 def told(steps: int = STEPS, seed: int = 0) -> np.ndarray:

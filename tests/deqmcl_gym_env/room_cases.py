@@ -40,6 +40,13 @@ WORLD = {
     "route": {"min_length": 15.0, "max_length": 60.0},
 }
 SMALL = {"wings": 1, "corridors": 1}
+WRAPPED = {
+    "bare": lambda env: env,
+    "kidnap": lambda env: Kidnap(env, step=2),
+    "dropout": lambda env: BeamDropout(env, probability=0.5),
+    "plan-change": lambda env: PlanChange(env, step=2, actions=[(1, 0.1)] * 10),
+    "all": lambda env: PlanChange(BeamDropout(Kidnap(env, step=2), 0.5), 3, [(1, 0.1)] * 10),
+}
 
 
 def hall(scale=1) -> np.ndarray:
@@ -54,15 +61,6 @@ def calm(**kwargs) -> RoomEnv:
     env = RoomEnv(noise=STILL, **kwargs)
     env.reset(seed=0)
     return env
-
-
-WRAPPED = {
-    "bare": lambda env: env,
-    "kidnap": lambda env: Kidnap(env, step=2),
-    "dropout": lambda env: BeamDropout(env, probability=0.5),
-    "plan-change": lambda env: PlanChange(env, step=2, actions=[(1, 0.1)] * 10),
-    "all": lambda env: PlanChange(BeamDropout(Kidnap(env, step=2), 0.5), 3, [(1, 0.1)] * 10),
-}
 
 
 def drive(env, actions) -> list[tuple]:

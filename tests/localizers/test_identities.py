@@ -19,6 +19,12 @@ CHARGES = {
     name: [word for word in ("beta", "plan_beta") if word in (localizers.parameters(name) or ())]
     for name in localizers.names()
 }
+M = 0.02  # to the px
+STEPS = 48
+# float32 weights differ by 1e-6: means are CLOSE until resampling takes another particle, before
+# step EARLY never with these seeds; then half a standard deviation is allowed. Of amcl one: where
+# KLD-sampling takes a particle more, all later draws are others.
+EARLY, CLOSE = 10, 0.001  # steps, px
 
 
 @pytest.mark.parametrize(
@@ -117,14 +123,6 @@ def test_all_methods_start_from_the_same_cloud(robot, prior):
         for name in ("mcl", "mcl-map", "mcl-smoother", "deq-mcl")
     ]
     assert all(same([cloud], [clouds[0]]) for cloud in clouds)
-
-
-M = 0.02  # to the px
-STEPS = 48
-# float32 weights differ by 1e-6: means are CLOSE until resampling takes another particle, before
-# step EARLY never with these seeds; then half a standard deviation is allowed. Of amcl one: where
-# KLD-sampling takes a particle more, all later draws are others.
-EARLY, CLOSE = 10, 0.001  # steps, px
 
 
 @pytest.fixture(scope="module")

@@ -21,6 +21,12 @@ ALL = [*MODELS, LatentShare]
 # outside the building no scan is likelier than at any pose inside it, and each beam counts
 SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
 OF_SHARES = [(0.05, 2.0), (0.5, 0.3), (0.2, 50.0)]
+NAN, INF = math.nan, math.inf
+LIDAR = Lidar(beams=5, field_of_view=2.0, max_range=400.0)
+SCAN = np.array([60.0, 80.0, 250.0, 80.0, 60.0])
+POSES = np.array(
+    [(50, 50, 0.1), (300, 50, 1.5), (60, 250, -1.0), (175, 150, 0.0)], dtype=np.float32
+).T
 
 
 def phi(z: float) -> float:
@@ -111,14 +117,6 @@ def test_the_power_scales_the_log_likelihood_and_widens_what_a_beam_says(model, 
     assert tempered.least_density(MAX) == plain.least_density(MAX) ** power
     variances = [one.hit_moments(np.array([[50.0]]), MAX)[1].item() for one in (plain, tempered)]
     assert variances[1] == variances[0] / power
-
-
-NAN, INF = math.nan, math.inf
-LIDAR = Lidar(beams=5, field_of_view=2.0, max_range=400.0)
-SCAN = np.array([60.0, 80.0, 250.0, 80.0, 60.0])
-POSES = np.array(
-    [(50, 50, 0.1), (300, 50, 1.5), (60, 250, -1.0), (175, 150, 0.0)], dtype=np.float32
-).T
 
 
 @pytest.fixture(params=[GaussianUniform(), CensoredGaussianUniform(sigma=20.0), BeamModel()])

@@ -19,6 +19,12 @@ OUTSIDE = -30.0  # of each usable beam
 PARTICLES = 25
 DRIVEN = [(20.0, 0.0), (20.0, 0.3), (25.0, -0.2), (30.0, 0.0), (15.0, 0.5)]
 SEEN = [[270.0], [150.0], [230.0], [200.0], [90.0]]
+SMALL = PolygonMap(
+    outer=[(0, 0), (60, 0), (60, 40), (0, 40)], obstacles=[[(23, 13), (38, 13), (38, 27), (23, 27)]]
+)
+CELL, HEADINGS = 10.0, 8
+ACTIONS = [(12.0, 0.3), (7.0, -0.9), (0.0, 2.0), (9.0, 0.0)]
+SCANS = [[20.0, 31.0, 12.0], [15.0, math.nan, 40.0], [33.0, 8.0, -1.0], [10.0, 20.0, 30.0]]
 
 
 def segments(polygon) -> np.ndarray:
@@ -52,14 +58,6 @@ def book_mcl(robot, poses: np.ndarray, actions, scans, rng) -> list[tuple]:
         pointers = (rng.random() + np.arange(n)) / n * weights.sum()
         poses = poses[np.searchsorted(np.cumsum(weights), pointers).clip(max=n - 1)]
     return clouds
-
-
-SMALL = PolygonMap(
-    outer=[(0, 0), (60, 0), (60, 40), (0, 40)], obstacles=[[(23, 13), (38, 13), (38, 27), (23, 27)]]
-)
-CELL, HEADINGS = 10.0, 8
-ACTIONS = [(12.0, 0.3), (7.0, -0.9), (0.0, 2.0), (9.0, 0.0)]
-SCANS = [[20.0, 31.0, 12.0], [15.0, math.nan, 40.0], [33.0, 8.0, -1.0], [10.0, 20.0, 30.0]]
 
 
 @pytest.fixture(scope="module")
