@@ -8,12 +8,12 @@ import pytest
 from following import follow, same, varied
 from refusals import refused
 from ring import PRIOR, SENSOR
+from test_checks import HERE
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers import GaussianPrior, GaussianUniform, RobotModel
-from localizers.checks import LAWS, report_of
-from localizers.checks.laws import runs_in_a_worker
+from localizers.checks import report_of
 from localizers.checks.subject import localizer_drive
 from localizers.inference.beam_filters import (
     JUDGES,
@@ -172,9 +172,7 @@ def test_a_filter_that_drops_a_beam_is_the_filter_without_it_and_counts_it_bit_b
 @pytest.mark.parametrize("name", ["distance", "entropy"])
 def test_every_law_is_kept_with_a_filter_of_beams(name):
     drive = localizer_drive("deq-mcl", beam_filter=name, particles=50, lag=3)
-    report = report_of(
-        drive, {law: need for law, need in LAWS.items() if law is not runs_in_a_worker}
-    )
+    report = report_of(drive, HERE)
     assert {verdict.status for verdict in report.verdicts} == {"ok"}, report
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from broken import LeavesAProcess, ProcessStateUntouched, TakesTheSecondForTheTurn
+from following import small
 from refusals import refused
 
 import localizers
@@ -44,16 +45,9 @@ def example(law):
     return f"{BROKEN}:{law_name(law).title().replace(' ', '')}"
 
 
-def coarse(name):
-    """Parameters without which a localizer is slow."""
-    if name == "cbgl":
-        return {"poses": 1000}
-    return {"cell": 20.0, "headings": 36} if name == "grid" else {}
-
-
 @pytest.mark.parametrize("name", localizers.names())
 def test_every_built_in_localizer_keeps_all_laws(name):
-    verdicts = report_of(localizer_drive(name, **coarse(name)), HERE).verdicts
+    verdicts = report_of(localizer_drive(name, **small(name, 500)), HERE).verdicts
     has_particles = "particles" in localizers.parameters(name)
     others = {verdict.law: verdict.status for verdict in verdicts if verdict.status != "ok"}
     assert others == ({} if has_particles else {"one particle": "skipped"})
@@ -88,7 +82,7 @@ def test_a_drive_that_takes_longer_than_the_limit_breaks_its_law():
 @pytest.mark.parametrize("name", ["ekf", "grid"])
 def test_estimators_in_closed_form_take_navs_motion_as_the_turn_and_drive_of_its_variances(name):
     runs = (
-        localizer_drive(name, replace(default_robot(), motion=motion), **coarse(name)).history()
+        localizer_drive(name, replace(default_robot(), motion=motion), **small(name, 0)).history()
         for motion in (NAV2, NAV2.turn_and_drive)
     )
     assert difference(*runs) is None

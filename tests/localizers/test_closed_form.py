@@ -118,7 +118,6 @@ def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):
 
 def test_a_beam_beyond_the_gate_is_left_out_and_counted(corridor):
     prior = localizers.GaussianPrior(mean=(100, 50, 0.0), sd_position=2.0, sd_heading=0.01)
-
     gated, lost = (
         updated("ekf", corridor, prior, [50.0, ahead, 50.0]) for ahead in (90.0, math.nan)
     )

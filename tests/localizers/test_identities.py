@@ -151,6 +151,7 @@ def in_metres(robot, prior, actions, scans):
         motion=scaled(robot.motion, M),
         scan=scaled(robot.scan, M),
     )
+    assert there.radius == pytest.approx(8 * M)
     return there, scaled(prior, M), actions * (M, 1), scans * M
 
 
@@ -170,7 +171,3 @@ def test_a_room_in_metres_is_the_same_room(lap, name):
     for t, ((mean, spread), (in_m, _)) in enumerate(runs):
         allowed = CLOSE if t < EARLY else CLOSE + others * spread
         assert (np.abs(in_m / M - mean) <= allowed).all(), t
-
-
-def test_the_robot_is_as_large_in_metres(lap):
-    assert in_metres(*lap)[0].radius == pytest.approx(8 * M)

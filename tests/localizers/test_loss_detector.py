@@ -19,6 +19,7 @@ OWN = {
     "amcl": {"laser_model_type": "robot"},  # its field's weights differ by a factor of 3 at most
 }
 LOCALIZING = [name for name in localizers.names() if name != "dead-reckoning"]
+LONG = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()  # evidence
 
 
 class Table:
@@ -60,14 +61,12 @@ def test_the_quality_is_that_of_all_paths_through_the_two_states():
 
 
 def test_asking_changes_nothing():
-    evidence = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()
-    assert quality(evidence) == quality(evidence, ask_always=True)
+    assert quality(LONG) == quality(LONG, ask_always=True)
 
 
 def test_of_scans_beyond_the_memory_only_time_remains():
-    evidence = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()
-    forgotten = [math.nan] * MEMORY + evidence[MEMORY:]
-    assert quality(evidence) == pytest.approx(quality(forgotten), rel=1e-12)
+    forgotten = [math.nan] * MEMORY + LONG[MEMORY:]
+    assert quality(LONG) == pytest.approx(quality(forgotten), rel=1e-12)
 
 
 def test_impossible_and_unknown_evidence_leaves_a_number():

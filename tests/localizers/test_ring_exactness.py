@@ -13,8 +13,6 @@ from localizers.inference.futures import Foresight
 ALWAYS, DEGENERATE = ring.RESAMPLING
 # How it resamples, and β: at β = 10 rare events would break the central limit theorem.
 CONDITIONS = [(ALWAYS, 2.0), (DEGENERATE, 1.0)]
-
-
 SLOW = [
     pytest.param(10_000, name, strategy, drive, beta, marks=pytest.mark.slow)
     for names, drives in ((ring.METHODS, ring.DRIVES), (ring.PLANS, ring.DRIVES | ring.AUTHORS))

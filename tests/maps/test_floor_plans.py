@@ -8,7 +8,6 @@ import pytest
 from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Office, PolygonMap
-from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import WORLDS, offices_of
 
 OFFICE = Office(seed=3, wings=1)
@@ -54,9 +53,8 @@ def test_polygons_in_a_file_are_those_that_it_says(tmp_path):
 def test_a_broken_file_of_polygons_is_refused_by_name(tmp_path, text, words):
     path = tmp_path / "broken.json"
     path.write_bytes(text.encode("latin-1"))
-    with pytest.raises(InputError, match=words) as refusal:
+    with refused(words, "broken.json"):
         floor_plan(path)
-    assert "broken.json" in str(refusal.value)
 
 
 @pytest.mark.parametrize(
@@ -111,8 +109,7 @@ def test_a_map_that_cannot_be_is_refused_in_one_sentence(make, kwargs, text):
         make(**kwargs)
 
 
-def test_a_plan_without_obstacles_and_one_with_overlapping_obstacles_are_allowed():
-    assert PolygonMap(SQUARE).free([(50, 50)]).all()
+def test_overlapping_obstacles_are_allowed():
     two = [[(20, 20), (60, 20), (60, 60), (20, 60)], [(40, 40), (80, 40), (80, 80), (40, 80)]]
     free = PolygonMap(SQUARE, two).free([(30, 30), (50, 50), (70, 70), (70, 30)])
     assert free.tolist() == [False, False, False, True]

@@ -247,13 +247,10 @@ def test_a_rectangular_room_is_blind_from_where_its_wall_does_not_wind_around_on
         assert set(blind) == {True, False}
 
 
-def squares(side: int, xs: range, ys: range) -> list:
-    return [[(x, y), (x + side, y), (x + side, y + side), (x, y + side)] for x in xs for y in ys]
-
-
 def test_a_wall_along_the_border_of_cells_is_not_missed():
     """A grid of squares whose edges fall on multiples of the cell's side."""
-    boxes = squares(10, range(20, 380, 20), range(20, 380, 20))
+    corners = product(range(20, 380, 20), repeat=2)
+    boxes = [[(x, y), (x + 10, y), (x + 10, y + 10), (x, y + 10)] for x, y in corners]
     plan = PolygonMap([(0, 0), (400, 0), (400, 400), (0, 400)], boxes)
     between = np.arange(15.0, 390.0, 20.0)  # lanes without obstacles
     east = np.column_stack([np.full(between.size, 5.0), between, np.zeros(between.size)])

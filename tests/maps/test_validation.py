@@ -18,8 +18,6 @@ from deqmcl_gym.validation import (
 )
 
 NAN, INF = float("nan"), float("inf")
-
-
 WHOLE, PAIRS = "whole number from 0 to 10", "n x 2 finite numbers"
 
 

@@ -31,7 +31,7 @@ def test_sin_and_cos_are_accurate_far_from_zero_and_beside_every_quarter_turn():
 @pytest.mark.parametrize("function", [arrays.sin, arrays.cos])
 def test_beyond_a_billion_radians_there_is_no_sine_rather_than_a_wrong_one(function):
     beyond = np.nextafter(1e9, np.inf) * 10.0 ** np.arange(0, 300, 7)
-    assert np.isnan(function([*beyond, *-beyond, np.inf, -np.inf])).all()
+    assert np.isnan(function([*beyond, *-beyond, np.inf, -np.inf, np.nan])).all()
 
 
 def test_arctan2_is_accurate_in_all_quadrants_on_the_axes_and_at_all_scales():
@@ -45,6 +45,7 @@ def test_exp_is_accurate_down_to_the_least_normal_number_and_zero_beyond():
     x = -np.concatenate([np.linspace(0, 708, 50_001), [708.5, 800.0, 1e6, np.inf]])
     expected = np.where(x > -708, np.exp(x), 0.0)
     np.testing.assert_allclose(arrays.exp(x), expected, rtol=TOLERANCE)
+    assert np.isnan(arrays.exp([np.nan])[0])
 
 
 def test_log_is_accurate_over_all_normal_numbers():
@@ -54,7 +55,7 @@ def test_log_is_accurate_over_all_normal_numbers():
     scale = np.maximum(np.abs(expected), 1.0)
     assert (np.abs(arrays.log(x) - expected) <= TOLERANCE * scale).all()
     assert arrays.log([0.0, np.inf]).tolist() == [-np.inf, np.inf]
-    assert np.isnan(arrays.log([-1.0])).all()
+    assert np.isnan(arrays.log([-1.0, np.nan])).all()
 
 
 def test_normal_cdf_is_accurate_and_monotone_at_both_ends():
@@ -62,11 +63,7 @@ def test_normal_cdf_is_accurate_and_monotone_at_both_ends():
     expected = each(lambda v: math.erfc(-v / math.sqrt(2)) / 2, z)
     np.testing.assert_allclose(arrays.normal_cdf(z), expected, rtol=0, atol=1e-15)
     assert arrays.normal_cdf([-np.inf, -40.0, 40.0, np.inf]).tolist() == [0.0, 0.0, 1.0, 1.0]
-
-
-@pytest.mark.parametrize("name", ["sin", "cos", "exp", "log", "normal_cdf"])
-def test_nan_stays_nan(name):
-    assert np.isnan(getattr(arrays, name)([np.nan])).all()
+    assert np.isnan(arrays.normal_cdf([np.nan])[0])
 
 
 @pytest.mark.parametrize("n", [0, 1, 511, 512, 513, 1300])
