@@ -10,14 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as generated
 from scipy import stats
 
-from benchmarks.trials import scores
-from benchmarks.trials.clouds import (
-    belief_moments,
-    belief_scores,
-    cloud_of,
-    covariance_floor,
-    joined,
-)
+from benchmarks.trials import clouds, scores
+from benchmarks.trials.clouds import belief_moments, belief_scores, cloud_of, joined
 from deqmcl_gym.validation import InputError
 
 PI = math.pi
@@ -93,7 +87,7 @@ def test_rank_nees_and_log_score_are_those_of_numpys_linear_algebra():
         angle = math.atan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))
         turned = (poses[:, 2] - angle + PI) % (2 * PI) - PI
         off = np.column_stack([poses[:, :2] - mean, turned])
-        p = (weights[:, None] * off).T @ off + np.diag(covariance_floor("px"))
+        p = (weights[:, None] * off).T @ off + np.diag(clouds.covariance_floor("px"))
         d = np.array([*(TRUTH[:2] - mean), (TRUTH[2] - angle + PI) % (2 * PI) - PI])
         inverse = np.linalg.inv(p[:2, :2])
         own = np.einsum("ni,ij,nj->n", off[:, :2], inverse, off[:, :2])

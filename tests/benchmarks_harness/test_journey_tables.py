@@ -6,19 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from report_cases import (
-    changed,
-    finished,
-    lines_of,
-    panel_of,
-    panels_of,
-    parsed,
-    results_csv,
-    table_of,
-    trial_of,
-    trials_csv,
-    whole,
-)
+import report_cases
+from report_cases import changed, finished, lines_of, panel_of, parsed, results_csv, table_of, whole
 from test_store import TRIAL, record_of
 
 from benchmarks.report.charts import journey_charts
@@ -80,9 +69,7 @@ def run(method, world, metres, *, way=10.0, success=None, filter_seed=0, **score
 
 BLIND = [run("mcl-map", world, metres) for world, metres in enumerate([4.0, NEVER, 8.0, NEVER])]
 AWARE = [run("mcl-plan", world, metres) for world, metres in enumerate([2.0, 3.0, 8.0])]
-FAILED = [trial_of("mcl-plan", 3)]
-
-
+FAILED = [report_cases.trial_of("mcl-plan", 3)]
 FAILURES = {"baseline": "mcl-map", "failures": [(trial, "boom") for trial in FAILED]}
 ROWS = [*BLIND, *AWARE]
 
@@ -129,9 +116,9 @@ def test_the_csv_files_have_the_columns_of_what_was_scored_and_no_others():
     assert float(rows[1]["metres_to_localize_diff"]) == -2.25
     assert "recovered" not in rows[0]
     assert "spl" not in rows[0]
-    lines = parsed(trials_csv(BLIND))
+    lines = parsed(report_cases.trials_csv(BLIND))
     assert [line["metres_to_localize"] for line in lines] == ["4.0", "inf", "8.0", "inf"]
-    assert "success_1m" not in parsed(trials_csv([finished("mcl", 0, 1.0)]))[0]
+    assert "success_1m" not in parsed(report_cases.trials_csv([finished("mcl", 0, 1.0)]))[0]
 
 
 def tables_of(panel):
@@ -205,7 +192,7 @@ def test_a_glance_at_settings_shows_shares_beside_errors():
     plain = [
         finished(name, world, 2.0, scenario="sharp") for name in ("mcl", "amcl") for world in (0, 1)
     ]
-    glance = glance_table(panels_of([*sought("mcl", 2), *sought("amcl", 11), *plain]))
+    glance = glance_table(report_cases.panels_of([*sought("mcl", 2), *sought("amcl", 11), *plain]))
     assert [line[1:] for line in lines_of(glance)] == [["17 %", "92 % ▲"], ["2.00", "2.00 ="]]
     assert list(glance.about["scores"]) == ["localized to the end (1 m, 30°)", "error e of x[t]"]
     assert list(glance.strong) == [(0, 2), (1, 1), (1, 2)]

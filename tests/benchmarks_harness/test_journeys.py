@@ -7,19 +7,13 @@ import numpy as np
 import pytest
 
 from benchmarks.setup.overrides import Overrides
+from benchmarks.trials import tracks
 from benchmarks.trials.scores import groups_named, journey_scores
 from benchmarks.trials.scoring import WholeRun, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import JourneyLog, Trace
-from benchmarks.trials.tracks import (
-    RECOVERED_STEPS,
-    Journey,
-    half_turned,
-    is_symmetric,
-    way_driven,
-    weight_near,
-)
+from benchmarks.trials.tracks import RECOVERED_STEPS, Journey, way_driven, weight_near
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.map import metre
 
@@ -142,11 +136,11 @@ def test_a_half_turn_is_found_where_the_map_has_one():
     square = [(0, 0), (8, 0), (8, 6), (0, 6)]
     even = PolygonMap(outer=square, obstacles=[[(3, 2), (5, 2), (5, 4), (3, 4)]], unit="m")
     odd = PolygonMap(outer=square, obstacles=[[(3, 2), (5, 2), (5, 4.2), (3, 4)]], unit="m")
-    assert is_symmetric(even)
-    assert not is_symmetric(odd)
-    turned = half_turned(even, np.array([[1.0, 2.0, 0.5]]))
+    assert tracks.is_symmetric(even)
+    assert not tracks.is_symmetric(odd)
+    turned = tracks.half_turned(even, np.array([[1.0, 2.0, 0.5]]))
     assert turned[0] == pytest.approx([7, 4, 0.5 + math.pi])
-    assert half_turned(even, turned)[0] == pytest.approx([1, 2, 0.5 + 2 * math.pi])
+    assert tracks.half_turned(even, turned)[0] == pytest.approx([1, 2, 0.5 + 2 * math.pi])
 
 
 def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():

@@ -23,13 +23,8 @@ from deqmcl_gym.logs.motion import dead_reckoned, increments_of
 from deqmcl_gym.logs.trajectory import referenced
 from deqmcl_gym.validation import InputError
 from localizers import OdometryMotion, make
-from localizers.models.nav2_motion import (
-    MOTION_MODELS,
-    DifferentialMotion,
-    OmniMotion,
-    kind_of,
-    unknown_motion,
-)
+from localizers.models import nav2_motion
+from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, kind_of, unknown_motion
 
 WORLD = """
 log = "data/lap.csv"
@@ -217,7 +212,7 @@ def test_noise_above_what_is_assumed_is_found_again_by_a_model_of_its_kind(model
 
 
 @pytest.mark.parametrize("unit", ["m", "px"])
-@pytest.mark.parametrize("kind", MOTION_MODELS)
+@pytest.mark.parametrize("kind", nav2_motion.MOTION_MODELS)
 def test_noise_is_never_less_than_half_of_what_is_assumed_of_an_unknown_robot(kind, unit):
     meant = told(200)
     perfect = log_of(meant * ([50, 50, 1] if unit == "px" else 1), meant, unit=unit)

@@ -8,17 +8,8 @@ from html import unescape
 from html.parser import HTMLParser
 
 import pytest
-from report_cases import (
-    THREE,
-    finished,
-    lines_of,
-    paired,
-    panel_of,
-    results,
-    trial_of,
-    trials,
-    written,
-)
+import report_cases
+from report_cases import THREE, finished, lines_of, paired, results, trial_of, trials, written
 
 from benchmarks.report import films, tables
 from benchmarks.report.films import Animation
@@ -197,7 +188,7 @@ def test_the_page_has_the_cells_of_the_tables(report, given):
 
 def test_every_column_of_a_table_has_the_score_that_it_names():
     scores = {"energy_score": 0.1, "entropy": 0.2, "nees": 0.3, "wall_share": 0.4}
-    panel = panel_of([finished("mcl", world, 3.0, scores=scores) for world in (0, 1)])
+    panel = report_cases.panel_of([finished("mcl", world, 3.0, scores=scores) for world in (0, 1)])
     row = tables.calibration_table(panel).frame.iloc[0]
     titles = ["energy score, px", "entropy, nats", "NEES (3)", "in walls"]
     assert [row[title].partition(" (")[0] for title in titles] == ["0.10", "0.20", "0.3", "40.0 %"]

@@ -3,20 +3,8 @@
 import re
 
 import pytest
-from report_cases import (
-    STEPS,
-    changed,
-    finished,
-    lines_of,
-    paired,
-    panel_of,
-    panels_of,
-    parsed,
-    results,
-    trials,
-    whole,
-    written,
-)
+import report_cases
+from report_cases import finished, lines_of, paired, panel_of, parsed, results, trials
 
 from benchmarks.report import tables
 from benchmarks.report.verdict import conclusion, verdict_on
@@ -85,7 +73,7 @@ def test_what_is_not_available_reads_na_in_the_tables_never_nan():
 def test_at_a_glance_every_error_has_the_mark_of_its_relation():
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), "b": (24.0, ONE)}, worlds=25)
     records += paired({"mcl": (20.0, ONE), "a": (16.0, ONE)}, worlds=4, scenario="sharp")
-    table = tables.glance_table(panels_of(records))
+    table = tables.glance_table(report_cases.panels_of(records))
     lines = lines_of(table)
     assert list(table.frame) == ["setting", "mcl", "a", "b"]
     assert [line[0] for line in lines] == ["1. paper", "2. sharp"]
@@ -96,7 +84,7 @@ def test_at_a_glance_every_error_has_the_mark_of_its_relation():
 
 def test_the_verdict_has_the_numbers_of_results_csv_and_timings_csv(tmp_path):
     records = paired({"mcl": (20.0, ONE), "mcl-map": (15.0, ONE), "grid": (17.0, ONE)}, worlds=12)
-    written(tmp_path, results(records))
+    report_cases.written(tmp_path, results(records))
     rows = {row["method"]: row for row in parsed((tmp_path / "results.csv").read_text())}
     times = parsed((tmp_path / "timings.csv").read_text())
     spent = {row["method"]: float(row["ms_per_step"]) for row in times}
@@ -196,7 +184,7 @@ def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
 def on_a_log(errors, coverage, successes=(1.0, 1.0), runs=12, judged=9):
     """Runs of two methods: their median errors, m, their coverage and successes."""
     records = []
-    still = [0.0] * (STEPS + 1)
+    still = [0.0] * (report_cases.STEPS + 1)
     for k, name in enumerate(("mcl", "amcl")):
         track = RecordedTrack(best=(still, still, still), scores={"coverage_95": coverage[k]})
         for world in range(runs):
@@ -205,8 +193,8 @@ def on_a_log(errors, coverage, successes=(1.0, 1.0), runs=12, judged=9):
                 "assumed": {"scan.power": 0.1},
                 "world": {"judged": judged} if judged else {},
             }
-            one = whole(finished(name, world, 1.0, **setting), scores, 9.0)
-            records.append(changed(one, track=track))
+            one = report_cases.whole(finished(name, world, 1.0, **setting), scores, 9.0)
+            records.append(report_cases.changed(one, track=track))
     return verdict_on(panel_of(records))
 
 

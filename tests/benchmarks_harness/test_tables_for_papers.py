@@ -6,20 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
+import report_cases
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from report_cases import (
-    THREE,
-    changed,
-    finished,
-    paired,
-    parsed,
-    results,
-    table_of,
-    trials,
-    trials_csv,
-)
+from report_cases import THREE, changed, finished, paired, parsed, results, table_of, trials
 
 import localizers
 from benchmarks.report.page import escaped, latex_files, pdf_files
@@ -82,7 +73,7 @@ def test_trials_csv_has_a_line_per_trial_and_offset_with_its_counts():
     counted = finished("mcl", 4, 7.5, scores={"entropy": None}, params={"beta": math.inf})
     counted = changed(counted, events={"replanned_steps": 3})
     other = finished("deq-mcl", 4, {0: 1.0, -20: 2.0}, filter_seed=1)
-    first, *rest = parsed(trials_csv([counted, other]))
+    first, *rest = parsed(report_cases.trials_csv([counted, other]))
     expected = {"method": "mcl", "params": '{"beta":"inf"}', "trial": "4", "filter_seed": "0"}
     expected |= {"scenario": "paper", "offset": "0", "error": "7.5", "lag": "20"}
     assert {name: first[name] for name in expected} == expected

@@ -3,20 +3,11 @@
 import json
 import math
 
+import fake_episode
 import msgspec
 import numpy as np
 import pytest
-from fake_episode import (
-    FREE,
-    IN_WALL,
-    TASK,
-    USABLE,
-    FakeBelief,
-    mean_error,
-    one_point,
-    traced,
-    truth_of,
-)
+from fake_episode import IN_WALL, TASK, USABLE, FakeBelief, mean_error, one_point, traced, truth_of
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.episode import Step
@@ -117,7 +108,7 @@ def test_a_belief_of_one_point_is_scored_by_its_distance_alone():
 def test_wall_share_is_the_mean_weight_where_the_robot_does_not_fit():
     def partly(state, offset):  # all inside at s = 0, which is not scored; then 0.3
         shares = (0.0, 1.0) if state == 0 else (0.7, 0.3)
-        return np.array([FREE, IN_WALL]), np.array(shares)
+        return np.array([fake_episode.FREE, IN_WALL]), np.array(shares)
 
     assert scored(traced(T, (0,), points=partly))[0]["wall_share"] == pytest.approx(0.3, **CLOSE)
 

@@ -174,8 +174,6 @@ class Stated:
     def update(self, *given):
         return self._of(self._inner.update(*given))
 """
-
-
 FRAIL = """
 class Frail(Stated):
     def update(self, *given):

@@ -40,6 +40,7 @@ WORLD = {
     "route": {"min_length": 15.0, "max_length": 60.0},
 }
 SMALL = {"wings": 1, "corridors": 1}
+QUICK = {"floor_plan": {"office": SMALL}, "localizer": {"name": "mcl-map", "particles": 3000}}
 WRAPPED = {
     "bare": lambda env: env,
     "kidnap": lambda env: Kidnap(env, step=2),
@@ -78,7 +79,6 @@ def infos_of(env, seed: int = 0, most: int = 10_000) -> list[dict]:
 
 
 def poses_of(env, actions) -> np.ndarray:
-    """The true poses after each action, (n, 3)."""
     return np.array([said[4]["truth"] for said in drive(env, actions)])
 
 

@@ -24,10 +24,6 @@ DONE = FULL - 8 + 100  # the robot's rim at the line; the bonus
 EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000
 
 
-def rewards_of(said: list[tuple]) -> np.ndarray:
-    return np.array([step[1] for step in said])
-
-
 def test_the_paper_lap_is_the_204_actions_counted_by_hand_from_the_bottom_centre():
     assert len(BY_HAND) == 204
     np.testing.assert_array_equal(RoomEnv().plan, BY_HAND)
@@ -49,7 +45,7 @@ def test_the_lap_is_free_goes_once_counterclockwise_around_all_obstacles_and_ear
     assert not any(step[4]["collided"] for step in said)
     length = np.hypot(*(lap[:, 2:] - lap[:, :2]).T).sum()
     assert name != "paper" or length == FULL
-    assert abs(rewards_of(said).sum() - length) < closing_error(env.plan)
+    assert abs(sum(step[1] for step in said) - length) < closing_error(env.plan)
     end = said[-1][4]["truth"]
     assert math.hypot(end[0] - x, end[1] - y) < closing_error(env.plan)
     # one counterclockwise turn in all; waypoints, and so headings, are exact, float32 turns are not
@@ -98,7 +94,7 @@ def test_an_episode_is_done_when_the_robot_touches_the_start_line_after_a_full_t
     # 5 px a step: one step before the end 5 px are missing, less than the radius 8; two before, 10.
     assert len(said) == 203
     assert not any(step[3] for step in said)
-    assert abs(rewards_of(said).sum() - DONE) < EXACT
+    assert abs(sum(step[1] for step in said) - DONE) < EXACT
 
 
 @pytest.mark.parametrize("ends_at_goal", [True, False])

@@ -127,6 +127,7 @@ MADE = [
     (lambda **far: gym.make(TRACK, **far).reset(seed=0), {"least": 900}, "goal 900 px apart"),
     (partial(gym.make, LOCALIZE, scan="table"), {"floor_plan": WIDE}, "take 6,103 MiB, but may"),
     (RoomVectorEnv, {"num_envs": 0}, "num_envs is 0"),
+    (RoomVectorEnv, {"lidr": 1}, "keyword argument 'lidr': did you mean 'lidar'"),
     (RoomVectorEnv, {"autoreset_mode": "samestep"}, "did you mean 'SameStep'"),
 ]
 

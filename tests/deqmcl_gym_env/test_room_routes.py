@@ -59,8 +59,7 @@ def test_without_noise_the_plan_made_before_the_start_leads_to_the_goal():
 
 
 def test_the_episode_ends_at_the_goal():
-    env = office(noise=STILL)
-    infos = infos_of(env, 1)
+    infos = infos_of(office(noise=STILL), 1)
     off = [np.hypot(*(info["truth"][:2] - info["goal"])) for info in infos]
     assert off[-1] <= 0.5 < min(off[:-1])
     assert infos[-1]["planned_count"] > 0
@@ -216,11 +215,8 @@ def test_a_route_leads_from_start_to_goal_clear_of_walls_and_back_the_same_way(s
     assert length(ROUTES.to(start).start_at(goal)) == pytest.approx(length(route), rel=0.1)
 
 
-def test_a_way_in_sight_is_straight():
+def test_a_way_in_sight_is_straight_and_any_keeps_its_distance_where_there_is_room():
     assert len(ROUTES.to((300, 50)).start_at((50, 50))) == 2
-
-
-def test_a_route_keeps_its_distance_where_there_is_room():
     route = ROUTES.to((90, 50)).start_at((50, 90))
     assert ROOM.distance(route).min() >= 35  # comfort, less a cell
 
@@ -239,10 +235,9 @@ def test_places_without_room_are_refused(start, goal, words):
 
 
 def test_goals_anywhere_in_any_of_several_offices_are_in_the_space():
-    office = {"wings": 1, "corridors": 1}
-    env = gym.make(JOURNEY, floor_plan={"office": {"seeds": [0, 5], **office}})
+    env = gym.make(JOURNEY, floor_plan={"office": {"seeds": [0, 5], **SMALL}})
     for seed in range(5):
-        x0, y0, x1, y1 = Office(seed=seed, **office).grid.bounds
+        x0, y0, x1, y1 = Office(seed=seed, **SMALL).grid.bounds
         for corner in ((x0, y0), (x1, y1)):
             assert np.array(corner, np.float32) in env.observation_space["goal"]
 
@@ -280,7 +275,7 @@ def test_of_ways_at_equal_cost_a_route_takes_that_by_the_nearest_cell_and_of_the
 
 @pytest.mark.parametrize("seed", range(3))
 def test_costs_are_those_of_scipys_dijkstra_bit_for_bit(seed):
-    routes = Routes(Office(seed=seed, wings=1, corridors=1).grid, radius=0.3, comfort=0.8)
+    routes = Routes(Office(seed=seed, **SMALL).grid, radius=0.3, comfort=0.8)
     graph = graph_of(routes)
     for goal in np.random.default_rng(seed).integers(len(routes.centres), size=3):
         costs = routes.to(tuple(routes.centres[goal])).costs

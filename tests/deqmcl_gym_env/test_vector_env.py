@@ -25,11 +25,7 @@ ROUGH = {
     "noise": {"drive": 0.3, "turn": 0.3, "drift": 0.01},
     "robot": {"max_distance": 60.0, "max_turn": np.pi},
 }
-
-
 OTHERWISE = {"clutter": {"number": 6}}
-
-
 BLIND = Mount(x=-6.0, heading=2.5, upside_down=True, blind=((0.1, 1.0),))
 MOUNTS = (Mount(x=5.0, y=2.0, heading=0.3), BLIND)
 MOUNTED = {**ROUGH, "lidar": Lidar(beams=10, sigma=5.0, mounts=MOUNTS, min_range=30.0)}

@@ -15,14 +15,8 @@ from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers import GaussianPrior, GaussianUniform, RobotModel
 from localizers.checks import report_of
 from localizers.checks.subject import localizer_drive
-from localizers.inference.beam_filters import (
-    JUDGES,
-    DistanceFilter,
-    EntropyFilter,
-    PlaceCells,
-    beam_filter,
-    judges,
-)
+from localizers.inference import beam_filters
+from localizers.inference.beam_filters import DistanceFilter, EntropyFilter, PlaceCells, judges
 from localizers.models.scan import LidarScan, Scan
 
 HALL = PolygonMap(outer=[(0, 0), (300, 0), (300, 200), (0, 200)])
@@ -138,7 +132,7 @@ def test_cells_are_squares_and_sectors_wherever_headings_are_wrapped():
 
 def test_many_particles_are_represented_by_evenly_spaced_ones_and_few_by_all():
     states = np.arange(3 * 2000.0).reshape(3, 2000)
-    for n, apart in ((2000, 4.0), (JUDGES, 1.0)):
+    for n, apart in ((2000, 4.0), (beam_filters.JUDGES, 1.0)):
         some, weights = judges(states[:, :n], np.where(np.arange(n) % 4, 0.0, -np.inf))
         assert np.unique(np.diff(some[0])).tolist() == [apart]
         assert weights.sum() == pytest.approx(1)  # also where those taken all weigh 0
@@ -185,6 +179,6 @@ def test_a_beam_model_without_sigma_and_a_hedge_have_no_filter():
             return 1.0
 
     with refused("the beam model is of type Flat, without sigma"):
-        beam_filter("distance", replace(ROBOT, scan=Flat()))
+        beam_filters.beam_filter("distance", replace(ROBOT, scan=Flat()))
     with refused("beam_filter"):
         localizers.make("mcl-plan-hedged", ROBOT, beam_filter="distance")

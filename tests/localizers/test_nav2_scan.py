@@ -9,13 +9,8 @@ from scipy.spatial import cKDTree
 
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from deqmcl_gym.world.config import Office
-from localizers.models.nav2_scan import (
-    BeamCubes,
-    BeamSkipping,
-    DistanceTable,
-    LikelihoodField,
-    LikelihoodFieldProb,
-)
+from localizers.models import nav2_scan
+from localizers.models.nav2_scan import BeamCubes, LikelihoodField, LikelihoodFieldProb
 from localizers.models.scan import Scan
 
 LIDAR = Lidar(beams=180, field_of_view=math.pi, max_range=12.0)
@@ -132,12 +127,12 @@ def test_rays_stop_at_unknown_cells_whatever_the_map_says_of_them(unknown):
 
 def test_a_map_without_an_occupied_cell_is_as_far_from_walls_as_can_be():
     hall = GridMap(occupancy=np.zeros((20, 20), np.int8), resolution=0.05)
-    assert np.isinf(DistanceTable.of(hall, 2.0, 0.02).squares).all()
+    assert np.isinf(nav2_scan.DistanceTable.of(hall, 2.0, 0.02).squares).all()
 
 
 def test_the_table_of_polygons_is_the_distance_of_its_cells_centres_also_around_the_map():
     room = PolygonMap(outer=[(0, 0), (6, 0), (6, 4), (0, 4)], unit="m")
-    table = DistanceTable.of(room, 1.0, 0.1)
+    table = nav2_scan.DistanceTable.of(room, 1.0, 0.1)
     assert table.frame == (-1.0, -1.0, 1.0, 0.0, 0.1)
     assert table.squares.shape == (60, 80)
     ys, xs = (np.indices(table.squares.shape) + 0.5) * 0.1 - 1.0
@@ -159,7 +154,7 @@ def skipping_case(error_threshold: float):
     scan[[2, 5, 7]] = 0.3
     states = np.zeros((3, 20), np.float32)
     states[0], states[1] = 2.025, 2.0
-    skipping = BeamSkipping(
+    skipping = nav2_scan.BeamSkipping(
         field=field, distance=0.5, threshold=0.3, error_threshold=error_threshold
     )
     return skipping, states, scan

@@ -8,24 +8,17 @@ import pytest
 from refusals import refused
 from scipy.stats import chi2
 
+import localizers
 from deqmcl_gym import GridMap, PolygonMap
 from deqmcl_gym.maps import Lidar
-from localizers import (
-    AnnulusRegion,
-    GaussianPrior,
-    MixturePrior,
-    PolygonRegion,
-    RobotModel,
-    UniformPrior,
-    make,
-)
+from localizers import AnnulusRegion, GaussianPrior, MixturePrior, PolygonRegion, UniformPrior, make
 from localizers.checks import default_robot
 
 HALL = PolygonMap(((0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (0.0, 6.0)), unit="m")
 CELLS = np.zeros((60, 80), np.int8)
 CELLS[:, 40:42] = 100
 GRID = GridMap(occupancy=CELLS, resolution=0.1)
-ROBOT = RobotModel(floor_plan=GRID, lidar=Lidar(beams=9, max_range=6.0, sigma=0.1))
+ROBOT = localizers.RobotModel(floor_plan=GRID, lidar=Lidar(beams=9, max_range=6.0, sigma=0.1))
 # not convex, 4 m², as told clockwise; and free all over in the hall
 ROOM = PolygonRegion(
     corners=((1.0, 1.0), (1.0, 4.0), (3.0, 4.0), (3.0, 3.0), (2.0, 3.0), (2.0, 1.0))

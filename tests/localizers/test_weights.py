@@ -13,16 +13,9 @@ from hypothesis import strategies as st
 import localizers
 from deqmcl_gym.maps import Lidar
 from localizers import best_cluster, mean_pose
+from localizers.inference import particles
 from localizers.inference.belief import ParticleBelief, Queue
-from localizers.inference.particles import (
-    SCHEMES,
-    Resampling,
-    effective_sample_size,
-    log_sum_exp,
-    normalized_with_log_sum,
-    stratified,
-    systematic,
-)
+from localizers.inference.particles import SCHEMES, Resampling, log_sum_exp
 from localizers.methods import grid as grid_motion
 from localizers.methods.classical import gaussian_points, sigma_points
 from localizers.models.scan import Scan
@@ -62,11 +55,12 @@ def test_weights_are_a_distribution_with_the_ratios_of_their_logarithms(logs):
     if not expected:
         assert log_sum_exp(np.array(logs)) == -INF
         return
-    seen, log_sum = normalized_with_log_sum(np.array(logs))
+    seen, log_sum = particles.normalized_with_log_sum(np.array(logs))
     assert seen == pytest.approx(expected, rel=1e-12, abs=1e-300)
     assert (seen >= 0).all()
     assert seen.sum() == pytest.approx(1.0, abs=1e-12)
-    assert effective_sample_size(seen) == pytest.approx(1 / math.fsum(w * w for w in expected))
+    effective = particles.effective_sample_size(seen)
+    assert effective == pytest.approx(1 / math.fsum(w * w for w in expected))
     total = max(logs) + math.log(math.fsum(math.exp(log - max(logs)) for log in logs))
     assert log_sum_exp(np.array(logs)) == log_sum == pytest.approx(total)
 
@@ -178,14 +172,14 @@ def test_a_particle_is_copied_floor_or_ceil_n_w_times_or_within_two_of_n_w_if_st
             chosen = scheme(weights, rng)
             assert (np.diff(chosen) >= 0).all()
             assert (weights[chosen] > 0).all()
-        copies = counts(systematic(weights, rng))
+        copies = counts(particles.systematic(weights, rng))
         assert (copies >= np.floor(n * weights - 1e-9)).all()
         assert (copies <= np.ceil(n * weights + 1e-9)).all()
-        assert (np.abs(counts(stratified(weights, rng)) - n * weights) < 2 + 1e-9).all()
+        assert (np.abs(counts(particles.stratified(weights, rng)) - n * weights) < 2 + 1e-9).all()
 
 
 def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_particle():
-    assert systematic(np.zeros(3), np.random.default_rng(0)).tolist() == [0] * 3
+    assert particles.systematic(np.zeros(3), np.random.default_rng(0)).tolist() == [0] * 3
 
 
 def test_multinomial_resampling_has_the_multinomial_variance():
@@ -202,7 +196,7 @@ def test_the_rng_is_used_the_same_whether_or_not_resampling_triggers(name, weigh
     for strategy in [Resampling(scheme, threshold) for threshold in (None, 0, 0.5, 1)]:
         rng = np.random.default_rng(7)
         with np.errstate(divide="ignore"):
-            strategy.ancestors(normalized_with_log_sum(np.log(weights))[0], rng)
+            strategy.ancestors(particles.normalized_with_log_sum(np.log(weights))[0], rng)
         states.append(rng.bit_generator.state)
     assert all(state == states[0] for state in states)
     assert states[0] != np.random.default_rng(7).bit_generator.state
@@ -213,7 +207,7 @@ def test_resampling_triggers_iff_the_effective_sample_size_is_below_the_threshol
     rng, seen = np.random.default_rng(9), set()
     for _ in range(200):
         log_weights = np.log(random_weights(20, rng) + 1e-300)
-        weights, _ = normalized_with_log_sum(log_weights)
+        weights, _ = particles.normalized_with_log_sum(log_weights)
         chosen = Resampling(ess_threshold=threshold).ancestors(weights, rng)
         degenerate = weights.sum() ** 2 / (weights**2).sum() < threshold * 20
         assert (chosen is not None) == degenerate

@@ -4,21 +4,10 @@ import gzip
 import itertools
 import shutil
 
+import bags
 import numpy as np
 import pytest
-from bags import (
-    ODOMETRY,
-    SCAN,
-    TF,
-    bag,
-    by_tf,
-    driven,
-    make,
-    moving,
-    quaternion,
-    scanning,
-    transform,
-)
+from bags import ODOMETRY, SCAN, TF, bag, by_tf, driven, moving, quaternion, scanning, transform
 from drives import NAN, read_and_warned
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -211,7 +200,7 @@ def test_which_of_two_publishers_is_taken_is_told_and_can_be_chosen(tmp_path):
     ],
 )
 def test_odometry_of_no_use_is_named_and_transforms_are_taken_if_there_are_any(heard, how, words):
-    none = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 0.0)
+    none = bags.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 0.0)
     for _, _, message in (odometry_ := moving(TIMES, POSES)):
         if how == "stamps":
             message.header.stamp.sec = message.header.stamp.nanosec = 0

@@ -17,8 +17,6 @@ BEAMS, HALF = 41, 1.5  # beams of each, from -HALF to HALF rad
 STEP = 2 * HALF / (BEAMS - 1)
 AHEAD = Mount(x=0.3, y=0.1, heading=0.2)
 BEHIND = Mount(x=-0.4, y=-0.1, heading=3.0, upside_down=True)
-
-
 CELLS = np.zeros((60, 90), np.int8)  # 9 m x 6 m
 CELLS[[0, -1]] = CELLS[:, [0, -1]] = 100
 CELLS[25:32, 60:70] = CELLS[1:9, 20:28] = 100

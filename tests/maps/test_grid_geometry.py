@@ -2,18 +2,10 @@
 
 import math
 
+import grid_cases
 import numpy as np
 import pytest
-from grid_cases import (
-    box_distance,
-    boxes,
-    edge_distance,
-    grids,
-    in_cells,
-    is_solid,
-    office,
-    somewhere,
-)
+from grid_cases import box_distance, boxes, edge_distance, grids, in_cells, is_solid, somewhere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -91,7 +83,7 @@ def test_no_ray_slips_between_two_cells_that_touch_by_a_corner():
 
 
 def test_poses_that_are_not_on_the_map_see_nothing():
-    grid = office()
+    grid = grid_cases.office()
     poses = [(math.nan, 3, 0), (0, 3, math.nan), (-50, 3, 0), (1e30, -1e30, 0), (math.inf, 0, 0)]
     assert np.isnan(grid.ranges(poses, [0.0, 1.0])).all()
     nowhere = [pose for pose in poses if not math.isnan(pose[2])]

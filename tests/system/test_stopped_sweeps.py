@@ -130,8 +130,6 @@ cli.import_module = lambda _: os.kill(os.getpid(), signal.SIGINT)
 sys.argv = ["deqmcl", "sweep"]
 sys.exit(cli.main())
 """
-
-
 DROPPED = """
 import ctypes, os, signal, sys, time
 from benchmarks.console import Terminated, stoppable
