@@ -110,10 +110,8 @@ def test_a_method_without_the_swept_parameter_is_in_each_panel_with_its_baseline
 
 @pytest.mark.parametrize("baseline", ["few", "mcl-map"])
 def test_methods_with_labels_are_compared_in_one_panel_with_the_first_or_the_one_named(baseline):
-    labelled = [
-        replace(method("mcl-map", particles=n), label=label)
-        for n, label in ((100, "few"), (300, "many"))
-    ]
+    counts = {"few": 100, "many": 300}
+    labelled = [replace(method("mcl-map", particles=n), label=k) for k, n in counts.items()]
     told = replace(results(swept(localizer="mcl-map"), baseline=baseline), labelled=labelled)
     (panel,) = told.panels
     assert list(panel.methods) == ["few", "many", "ekf"]

@@ -52,9 +52,8 @@ def fitting(localizers, name):
 
 
 def trials(localizers, scenario="paper", count=1):
-    return paper_sweep(
-        scenario=scenario, localizers=localizers, trials=count, seed=5, lag=LAG, particles=PARTICLES
-    ).distinct()
+    how = {"trials": 1, "seed": 5, "lag": LAG, "particles": PARTICLES}
+    return paper_sweep(scenario=scenario, localizers=localizers, **how).distinct()
 
 
 def believed(stage):
@@ -228,11 +227,8 @@ def test_an_author_who_sees_the_true_pose_shows_the_plan_from_there():
     env = Stage.of(law).moments()
     assert np.array_equal(first.plan, next(env).plan[: len(first.plan)])
     # the env plans after the noise of the step, the author before it
-    apart = [
-        np.abs(m.plan[0] - theirs.plan[0]).max()
-        for m, theirs in zip(others, env, strict=False)
-        if len(m.plan) and len(theirs.plan)
-    ]
+    plans = [(own.plan, theirs.plan) for own, theirs in zip(others, env, strict=False)]
+    apart = [np.abs(a[0] - b[0]).max() for a, b in plans if len(a) and len(b)]
     assert np.median(apart) < 0.3
     shifted = replace(law, agent=Named("misplaced", {"shift": 100.0, "turn": 0.3}))
     assert not np.array_equal(next(Stage.of(shifted).moments()).plan[:5], first.plan[:5])

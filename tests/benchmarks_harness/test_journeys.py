@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from report_cases import trial_of
 
-from benchmarks.setup.overrides import Overrides
 from benchmarks.trials import tracks
 from benchmarks.trials.scores import groups_named, journey_scores
 from benchmarks.trials.scoring import WholeRun, record
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import JourneyLog, Trace
 from benchmarks.trials.tracks import RECOVERED_STEPS, Journey, way_driven, weight_near
@@ -19,8 +18,8 @@ from deqmcl_gym.maps.map import metre
 
 NEVER = math.inf
 STRAIGHT = np.array([[0.0, 0, 0], [3, 0, 0], [3, 3, 1]])
-ANYWHERE = (("prior.kind", "uniform"),)
-KIDNAP = (Overrides({"kind": "kidnap", "step": 40}),)
+ANYWHERE = {"prior.kind": "uniform"}
+KIDNAP = ({"kind": "kidnap", "step": 40},)
 
 
 def fixes(distance, angle=0.0, quality=math.nan, *, steps=None, count=None, stride=0.5):
@@ -151,8 +150,8 @@ def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():
 
 
 def trial(**parts):
-    usual = {"scenario": "sharp", "localizer": "mcl-map", "lag": 0, "seed": 0, "trial": 0}
-    return Trial(**usual | {"params": Overrides({"particles": 300})} | parts)
+    usual = {"scenario": "sharp", "lag": 0, "params": {"particles": 300}}
+    return trial_of("mcl-map", 0, **usual | parts)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +169,7 @@ def test_a_trial_has_the_scores_that_its_parts_are_about_and_no_others(parts, ab
 
 
 def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
-    known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
+    known = trial(assumed={"prior.sd_heading": 0.0, "prior.sd_position": 0.0})
     stage, groups = Stage.of(known), groups_named(["lost"])
     trace = Trace(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups))
     kept = record(trace).journey

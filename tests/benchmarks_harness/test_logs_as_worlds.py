@@ -1,8 +1,8 @@
 """A segment of a log is a world, a replayed lap is that lap, its noise is that which made it."""
 
-import functools
 import math
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -178,12 +178,11 @@ def test_an_agent_that_would_drive_a_log_is_refused(folder):
 def told(steps: int = STEPS, seed: int = 0) -> np.ndarray:
     """Increments of 0.1 to 0.4 m, some 0.2 rad each."""
     rng = np.random.default_rng(seed)
-    return np.column_stack(
-        [rng.uniform(0.1, 0.4, steps), np.zeros(steps), rng.normal(0, 0.2, steps)]
-    )
+    ways, turns = rng.uniform(0.1, 0.4, steps), rng.normal(0, 0.2, steps)
+    return np.column_stack([ways, np.zeros(steps), turns])
 
 
-@functools.cache
+@cache
 def done_by(model) -> np.ndarray:
     """What a robot of a model does when its odometry tells ``told()``."""
     rng, begin = np.random.default_rng(1), np.zeros((3, 1), np.float32)
@@ -266,11 +265,6 @@ def test_what_cannot_be_estimated_from_is_refused_with_what_to_give_instead():
         motion_noise(log_of(meant, meant, every=5))
 
 
-def played(env, localizer, prior, rng):
-    """Yield the moments of a localizer on a whole log."""
-    return moments(env, make_agent("open-loop", None), localizer, lambda: prior, rng, seed=0)
-
-
 @pytest.mark.parametrize("name", ["deq-mcl", "dead-reckoning"])
 def test_a_replayed_lap_is_the_lap_but_for_the_rounding_of_its_odometry(name):
     trial = Trial(scenario="sharp", localizer=name, params=(), lag=20, seed=5, trial=0)
@@ -285,8 +279,9 @@ def test_a_replayed_lap_is_the_lap_but_for_the_rounding_of_its_odometry(name):
         unit="px",
     )
     env = LogEnv(log=log, map=room.floor_plan, horizon=len(log))
-    localizer = make(name, setup.robot_model(room))
-    again = list(played(env, localizer, setup.prior_in(room), trial.filter_rng()))
+    agent, localizer = make_agent("open-loop", None), make(name, setup.robot_model(room))
+    prior = partial(setup.prior_in, room)
+    again = list(moments(env, agent, localizer, prior, trial.filter_rng(), seed=0))
     assert len(again) == len(live)
     for one, other in zip(live, again, strict=True):
         for mine, theirs in zip(one.belief.points(), other.belief.points(), strict=True):

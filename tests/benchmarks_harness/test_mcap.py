@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, files
-from drives import recorded_in_a_hall
+from drives import recorded_in_a_hall, write_lap
 from mcap.reader import make_reader
 from refusals import refused
 from report_cases import trial_of
@@ -64,9 +64,8 @@ def read(path):
     found = {}
     with open(path, "rb") as file:
         for schema, channel, message in make_reader(file).iter_messages():
-            found.setdefault(channel.topic, []).append(
-                (message.log_time / 1e9, schema.name, message.data)
-            )
+            told = message.log_time / 1e9, schema.name, message.data
+            found.setdefault(channel.topic, []).append(told)
     return found
 
 
@@ -164,11 +163,10 @@ def test_scans_plans_and_series_are_those_of_the_run(lap):
 
 @pytest.fixture
 def hall(here):
-    hall, log = recorded_in_a_hall(steps=40)
-    hall.save("hall.yaml")
-    logs.Trajectory(log.times, log.reference).write("lap.tum")
-    logs.write(log, "lap.csv")
-    return hall, log
+    lap = recorded_in_a_hall(steps=40)
+    write_lap(lap, here)
+    logs.write(lap[1], "lap.csv")  # with its reference
+    return lap
 
 
 def test_a_replay_has_its_localizers_side_by_side_at_the_times_of_the_log(hall, tmp_path):

@@ -78,9 +78,8 @@ def test_the_last_frame_has_the_way_of_the_best_cluster():
 
 
 def test_a_plan_is_laid_from_a_pose_by_turning_before_each_drive():
-    way = way_of_plan(
-        np.array([1.0, 2.0, math.pi / 2]), np.array([[2.0, 0.0], [1.0, -math.pi / 2]])
-    )
+    pose, plan = np.array([1.0, 2.0, math.pi / 2]), np.array([[2.0, 0.0], [1.0, -math.pi / 2]])
+    way = way_of_plan(pose, plan)
     assert way == pytest.approx(np.array([[1, 2], [1, 4], [2, 4]]))
 
 
@@ -90,19 +89,13 @@ def shown(lap):
     return [(dict(t.params)["resampler"], t.trial, t.filter_seed) for t in trials]
 
 
-def form(resampler, world, error, filter_seed=0):
-    return finished(
-        "mcl-pilots", world, error, params={"resampler": resampler}, filter_seed=filter_seed
-    )
+def form(resampler, world, error, seed=0):
+    return finished("mcl-pilots", world, error, params={"resampler": resampler}, filter_seed=seed)
 
 
 def test_variants_of_one_localizer_are_animated_each_by_its_own_first_trial():
-    records = [
-        form(one, world, 1.0 + i + world, seed)
-        for seed in (0, 1)
-        for i, one in enumerate(FORMS)
-        for world in (0, 1)
-    ]
+    cases = product((0, 1), enumerate(FORMS), (0, 1))
+    records = [form(one, world, 1.0 + i + world, seed) for seed, (i, one), world in cases]
     best, *_ = films_of(panel_of(records))
     assert shown(best) == [("systematic", 0, 0), ("stratified", 0, 0)]
     assert "mcl-pilots resampler=systematic and mcl-pilots resampler=stratified" in best.caption
@@ -115,14 +108,11 @@ def test_a_baseline_without_a_trial_on_the_world_is_not_named():
     assert best.caption.startswith("World 0, mcl-pilots resampler=stratified: error")
 
 
-def lap_of(*trials):
-    runs = [SimpleNamespace(trial=trial, key=key_of(trial)) for trial in trials]
-    return Animation(name="lap", title="", caption="", runs=dict(zip("ab", runs, strict=True)))
-
-
 def test_a_hedge_is_animated_beside_a_method_that_sees_no_plan():
     same = trial_of("mcl", 0, scenario="guided", params={"particles": 20}, lag=0)
-    lap = lap_of(same, replace(same, localizer="mcl-plan-hedged"))
+    trials = {"a": same, "b": replace(same, localizer="mcl-plan-hedged")}
+    runs = {name: SimpleNamespace(trial=one, key=key_of(one)) for name, one in trials.items()}
+    lap = Animation(name="lap", title="", caption="", runs=runs)
     assert films.filmed(lap).webp.startswith(b"RIFF")
 
 
@@ -238,12 +228,8 @@ def test_words_seeds_and_single_values_make_no_curve():
 
 
 def at(record, beams, width, length):
-    world = {
-        "floor_plan.office.corridor": width,
-        "lidar.beams": beams,
-        "route.max_length": length[1],
-        "route.min_length": length[0],
-    }
+    routes = {"route.max_length": length[1], "route.min_length": length[0]}
+    world = {"floor_plan.office.corridor": width, "lidar.beams": beams} | routes
     return changed(record, trial=replace(record.trial, world=Overrides(world)))
 
 

@@ -146,9 +146,8 @@ def test_the_verdict_says_only_what_is_known(expected):
 def test_of_several_settings_it_is_counted_who_is_best():
     records = paired({"mcl": (20.0, ONE), "deq-mcl": (16.0, ONE)})
     records += paired({"mcl": (20.0, ONE), "deq-mcl": (24.0, ONE)}, scenario="sharp")
-    assert conclusion(results(records)) == (
-        "deq-mcl is best in 1 of 2 settings: in 1 no method is confirmed to be better than mcl."
-    )
+    best = "deq-mcl is best in 1 of 2 settings: in 1 no method is confirmed to be better than mcl."
+    assert conclusion(results(records)) == best
     worse = paired({"mcl": (20.0, ONE), "deq-mcl": (24.0, ONE)}, scenario="matched")
     few = conclusion(results(records[len(worse) :] + worse))
     assert few == "In none of 2 settings is a method confirmed to be better than mcl."
@@ -176,9 +175,7 @@ def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
 
     assert titles("/far/hall.toml", "/far/own.py:Room") == ["scenario hall", "scenario Room"]
     assert file_words(["a b", "a-b-1"]) == ["a-b-2", "a-b-1"]  # no file of another
-    assert titles("/a/hall.toml", "/b/hall.toml") == [
-        "scenario a/hall.toml", "scenario b/hall.toml",
-    ]  # fmt: skip
+    assert titles("/a/hall.toml", "/b/hall.toml") == [f"scenario {one}/hall.toml" for one in "ab"]
 
 
 def on_a_log(errors, coverage, successes=(1.0, 1.0), runs=12, judged=9):
@@ -189,10 +186,8 @@ def on_a_log(errors, coverage, successes=(1.0, 1.0), runs=12, judged=9):
         track = RecordedTrack(best=(still, still, still), scores={"coverage_95": coverage[k]})
         for world in range(runs):
             scores = {"success_1m": successes[k], "position_median": errors[k]}
-            setting = {
-                "assumed": {"scan.power": 0.1},
-                "world": {"judged": judged} if judged else {},
-            }
+            place = {"judged": judged} if judged else {}
+            setting = {"assumed": {"scan.power": 0.1}, "world": place}
             one = report_cases.whole(finished(name, world, 1.0, **setting), scores, 9.0)
             records.append(report_cases.changed(one, track=track))
     return verdict_on(panel_of(records))
@@ -210,9 +205,7 @@ def test_on_a_log_successes_then_errors_then_coverage_decide_and_who_is_not_fitt
     assert told.startswith("amcl is nearest to the reference: median position error of a run, mean")
     assert "amcl 0.100 m, mcl 0.200 m; amcl - mcl: −0.100 m (−0.100 to −0.100)" in told
     told = on_a_log((0.2, 0.2), (0.9, 0.5))
-    assert told.startswith(
-        "Neither successes nor errors separate the methods, but the 95 % regions"
-    )
+    assert told.startswith("Neither successes nor errors separate the methods, but the 95 % region")
     assert "90 % of mcl's records, 50 % of amcl's records" in told
     assert unfitted not in on_a_log((0.2, 0.2), (0.9, 0.5), judged=None)  # the power was given
     for alike in ((0.9, 0.5), (0.9, 0.9)):  # one run separates nothing

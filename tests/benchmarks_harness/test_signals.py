@@ -36,12 +36,8 @@ def trial(number, steps, *, first_state=0, at_start=NEAR, filter_seed=0):
 def rated(record, steps, first_state=0, at_start=NEAR):
     """The same trial with these steps of (quality, error)."""
     errors = [at_start, *(error for _, error in steps)][first_state:]
-    return changed(
-        record,
-        curves={0: ErrorCurve(first_state, errors)},
-        quality=[quality for quality, _ in steps],
-        steps_done=len(steps),
-    )
+    curves, quality = {0: ErrorCurve(first_state, errors)}, [quality for quality, _ in steps]
+    return changed(record, curves=curves, quality=quality, steps_done=len(steps))
 
 
 def random_trials(worlds, *, seed=0, steps=30, seeds=1):

@@ -55,9 +55,8 @@ def test_our_values_are_rounded_and_named():
 
 def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone():
     unknown = {"entropy": None, "wall_share": None}
-    _, now, past = lines(
-        finished("mcl", 0, 5.0), finished("x", 0, {0: 3.5, -20: None}, scores=unknown)
-    )
+    theirs = finished("x", 0, {0: 3.5, -20: None}, scores=unknown)
+    _, now, past = lines(finished("mcl", 0, 5.0), theirs)
     assert (now[2], now[5], now[7]) == ("−1.50", "n/a", "n/a")
     assert (past[2], past[3]) == ("n/a", "n/a (n/a)")
 

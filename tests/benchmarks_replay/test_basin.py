@@ -1,5 +1,6 @@
 """The suite ``basin``: starts that are wrong, and how many runs are localized from there."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -66,9 +67,8 @@ def test_a_displaced_mean_is_off_by_the_distance_and_the_angle_and_stands_in_fre
 def test_a_displaced_prior_keeps_its_spread_and_is_scored_as_of_the_lost():
     stage = begun(1.0, 0.5)
     base = scenario("driving-blind").prior
-    expected = GaussianPrior(
-        mean=(0, 0, 0), sd_position=base.sd_position, sd_heading=base.sd_heading
-    )
+    spread = {"sd_position": base.sd_position, "sd_heading": base.sd_heading}
+    expected = GaussianPrior(mean=(0, 0, 0), **spread)
     assert replace(stage.prior(), mean=(0, 0, 0)) == expected
     assert "lost" in [group.name for group in stage.groups]
 
@@ -80,17 +80,11 @@ def test_dead_reckoning_is_localized_just_where_its_start_is_near_enough(recorde
     rows = lines(recorded / "out", "basin.csv")
     stored = starts_table(results_in("out").records).astype(object).astype(str)
     assert rows == stored.to_dict("records")
-    shares = {
-        (row["distance_m"], row["angle_deg"]): row["share"]
-        for row in rows
-        if row["localizer"] == "dead-reckoning"
-    }
+    own = [row for row in rows if row["localizer"] == "dead-reckoning"]
+    shares = {(row["distance_m"], row["angle_deg"]): row["share"] for row in own}
     # odometry drifts by less than 0.1 m in 2 m: an error of the start stays what it is
-    assert shares == {
-        (d, a): str(float(d in ("0.0", "0.8") and a == "0.0"))
-        for d in ("0.0", "0.8", "1.2")
-        for a in ("0.0", "90.0")
-    }
+    starts = itertools.product(("0.0", "0.8", "1.2"), ("0.0", "90.0"))
+    assert shares == {(d, a): str(float(d != "1.2" and a == "0.0")) for d, a in starts}
     (chart,) = (recorded / "out/images").glob("shares*.svg")
     assert "100 %" in chart.read_text(encoding="utf-8")
 

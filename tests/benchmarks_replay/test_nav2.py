@@ -232,9 +232,7 @@ def test_a_key_that_is_given_twice_is_a_note_and_the_later_counts(tmp_path, text
     st.lists(st.sampled_from(["a", "b"]), max_size=3),
     st.randoms(use_true_random=False),
 )
-def test_nodes_and_wildcards_that_fit_are_applied_in_order(
-    tmp_path_factory, patterns, namespace, random
-):
+def test_nodes_and_wildcards_that_fit_apply_in_order(tmp_path_factory, patterns, namespace, random):
     name = "/".join(["", *namespace, "amcl"])
     lines, last = [], None
     for i, parts in enumerate(patterns):
@@ -289,10 +287,8 @@ def test_wildcards_alone_have_the_amcl_that_most_of_them_fit(tmp_path, nodes, na
 
 def test_a_wildcard_that_overrides_amcl_is_told_and_a_typing_error_is_no_node(tmp_path):
     path = tmp_path / "x.yaml"
-    path.write_text(
-        "amcl: {ros__parameters: {pf_z: 0.9, z_hit: 0.4}}\n"
-        "/**: {ros__parameters: {pf_z: 0.8, use_sim_time: true}}"
-    )
+    own = "amcl: {ros__parameters: {pf_z: 0.9, z_hit: 0.4}}\n"
+    path.write_text(own + "/**: {ros__parameters: {pf_z: 0.8, use_sim_time: true}}")
     found = read_nav2(path)
     (note,) = found.notes
     assert note.endswith("overridden by a wildcard that stands after /amcl, as in rclcpp: pf_z")
@@ -315,14 +311,8 @@ def test_the_sweep_file_runs_as_it_is_printed_with_a_log_in_it(params, recorded,
     Path("amcl.toml").write_text(capsys.readouterr().out)
     assert os.listdir() != ["results"]
     printed = read_sweep(Path("amcl.toml"))
-    plan = planned(
-        "lap.csv",
-        "hall.yaml",
-        ("amcl", "mcl-smoother"),
-        nav2=[read_nav2(params())],
-        settings={"params.amcl.max_particles": 400},
-        seeds=1,
-    )
+    told = {"settings": {"params.amcl.max_particles": 400}, "nav2": [read_nav2(params())]}
+    plan = planned("lap.csv", "hall.yaml", ("amcl", "mcl-smoother"), seeds=1, **told)
     assert (printed.world, printed.assumed) == (plan.sweep.world, plan.sweep.assumed)
     amcl, smoother = printed.distinct()
     assert amcl == plan.sweep.distinct()[0]
@@ -350,10 +340,8 @@ def test_several_files_are_rows_of_one_table_compared_with_the_first(recorded, c
     for name, sigma, beams in (("a", 0.1, 30), ("b", 0.3, 20), ("same", 0.1, 30)):
         of_amcl(Path(f"{name}.yaml"), f"sigma_hit: {sigma}", f"max_beams: {beams}")
     command = ["replay", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--seeds", "2"]
-    several = [
-        *command,
-        *(word for name in ("a", "b", "same") for word in ("--nav2", f"{name}.yaml")),
-    ]
+    files = (word for name in ("a", "b", "same") for word in ("--nav2", f"{name}.yaml"))
+    several = [*command, *files]
     told = [*several, "--set", "params.amcl.pf_err=0.2", "--jobs", "1", "--out", "out"]
     assert main(told) == 0
     said = capsys.readouterr().out

@@ -63,9 +63,8 @@ def drive(n, interpolated=None):
     """A log of n records, 1 m and 1 s apart by odometry; the reference stays where it is."""
     at = np.outer(np.arange(float(n)), [1.0, 0.0, 0.0])
     scanner = logs.Scanner(angles=(0.0, 1.0), max_range=80.0)
-    return logs.Log(
-        scanner, at[:, 0], at, np.full((n, 2), 9.0), np.zeros((n, 3)), interpolated=interpolated
-    )
+    seen, still = np.full((n, 2), 9.0), np.zeros((n, 3))
+    return logs.Log(scanner, at[:, 0], at, seen, still, interpolated=interpolated)
 
 
 def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
@@ -281,9 +280,8 @@ def test_the_verdict_stands_first_and_how_many_runs_would_confirm_a_difference(r
     assert replay(*KNOWN, "--localizers", "mcl,amcl,dead-reckoning", "--out", "o", drawn=True) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert told.startswith("3 runs each cannot decide: give --seeds 9 or more.")
-    errors = {
-        row["localizer"]: float(row["position_median"]) for row in lines(Path("o"), "results.csv")
-    }
+    rows = lines(Path("o"), "results.csv")
+    errors = {row["localizer"]: float(row["position_median"]) for row in rows}
     ranked = ", ".join(f"{name} {errors[name]:.3f} m" for name in sorted(errors, key=errors.get))
     assert f"Position error, median over all records: {ranked}. Worst run: " in told
     # 3 runs cannot give p < 0.05 in so many tests: 2 × 2⁻³ is 0.25 alone
@@ -384,9 +382,8 @@ def test_a_localizer_has_its_own_parameters_before_the_number_of_particles():
 )
 def test_the_power_is_fitted_only_where_a_localizer_uses_it(recorded, monkeypatch, words, fits):
     fitted = []
-    monkeypatch.setattr(
-        "benchmarks.robots.calibration.with_fitted_power", lambda replay: fitted.append(1) or replay
-    )
+    place = "benchmarks.robots.calibration.with_fitted_power"
+    monkeypatch.setattr(place, lambda replay: fitted.append(1) or replay)
     assert replay(*KNOWN, "--seeds", "1", *words, "--out", "o") == 0
     assert bool(fitted) is fits
 

@@ -86,9 +86,8 @@ def test_between_its_poses_an_estimate_is_carried_on_by_the_odometry(here):
 def test_a_log_is_scored_at_the_records_that_replay_plays(here, tmp_path):
     whole, late = logs.read_tum("lap.tum"), str(tmp_path / "late.tum")
     logs.Trajectory(whole.times[5:], whole.poses[5:]).write(late)
-    played = replay_of(
-        "lap.csv", "hall.yaml", reference=late, settings={"world.every": "0.1m,5deg"}
-    ).log
+    told = {"reference": late, "settings": {"world.every": "0.1m,5deg"}}
+    played = replay_of("lap.csv", "hall.yaml", **told).log
     for floor_plan in ("hall.yaml", None):
         scored = played_by_replay("lap.csv", late, {}, floor_plan, "0.1m,5deg").log
         for name in ("times", "odometry", "ranges", "reference"):
@@ -198,9 +197,7 @@ def test_beside_what_a_stack_published_stands_what_a_calibration_of_it_would_hav
         (("lap.tum", "--reference", "lap.tum", "--fail-if", "p95 > 1"), "unknown column"),
     ],
 )
-def test_what_cannot_be_scored_is_refused_and_nothing_is_written(
-    here, tmp_path, capsys, words, said
-):
+def test_what_cannot_be_scored_is_refused_and_nothing_written(here, tmp_path, capsys, words, said):
     reference = logs.read_tum("lap.tum")
     logs.Trajectory(reference.times + 1e4, reference.poses).write("late.tum")
     assert exit_code("score", *words, "--out", tmp_path / "s") == 2
