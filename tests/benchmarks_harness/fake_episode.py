@@ -54,6 +54,5 @@ def mean_error(states, offset):
 
 
 def traced(steps, offsets, scored=None, thresholds=TASK.thresholds, **how):
-    """The trace of such an episode, at the offsets ``scored`` (all of them)."""
     task = replace(TASK, thresholds=thresholds)
     return Trace(episode(steps, offsets, **how), scored or offsets, task)

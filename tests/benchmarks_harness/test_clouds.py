@@ -27,10 +27,8 @@ FOUR = 5.6757541328
 def cloud(n, seed):
     """A correlated cloud about (100, 60, 3.0): headings on both sides of π."""
     rng = np.random.default_rng(seed)
-    z = rng.normal(size=(n, 3))
-    poses = np.column_stack(
-        [100 + 30 * z[:, 0], 60 + 10 * z[:, 0] + 15 * z[:, 1], 3.0 + 0.3 * z[:, 2] + 0.1 * z[:, 1]]
-    )
+    a, b, c = rng.normal(size=(n, 3)).T
+    poses = np.column_stack([100 + 30 * a, 60 + 10 * a + 15 * b, 3.0 + 0.3 * c + 0.1 * b])
     poses[:, 2] = (poses[:, 2] + PI) % (2 * PI) - PI
     return poses, rng.dirichlet(np.ones(n))
 
@@ -45,7 +43,6 @@ def spread(poses, weights):
 
 
 def calibrated(poses, weights, truth=TRUTH, unit="px"):
-    """Energy score, rank, NEES, log score of one cloud."""
     clouds = together((poses, weights), truth=truth)
     return belief_scores(clouds, unit)[0, 8:12]
 

@@ -26,7 +26,6 @@ WORLDS = {
 
 
 def trials(names=METHODS, **setting):
-    """Trials of these methods on one world."""
     assumed = Overrides(setting.pop("assumed", {}))
     made = paper_sweep(localizers=names, trials=1, lag=4, particles=30, **setting).distinct()
     return [replace(trial, assumed=assumed) for trial in made]

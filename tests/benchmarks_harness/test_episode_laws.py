@@ -136,8 +136,6 @@ def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_
 
 
 class Planner:
-    """Turns on the spot, and plans to go on so."""
-
     def __init__(self):
         self.told = []
 
@@ -161,7 +159,6 @@ class Listener:
 
 
 def played(agent, localizer):
-    """The paper's room, and the moments of an agent and a localizer in it."""
     ours = scenario("paper")
     room = ours.room()
     prior = partial(ours.prior_in, room)

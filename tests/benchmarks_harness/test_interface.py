@@ -154,10 +154,8 @@ def test_a_parameter_that_is_called_like_a_column_keeps_its_whole_name():
 
 
 def test_a_sweep_of_ones_own_and_all_its_fields_are_taken():
-    own = Sweep(title="mine", localizers=("mcl",), trials=3)
-    assert benchmarks.sweep(own, seed=5).sweep == Sweep(
-        title="mine", localizers=("mcl",), trials=3, seed=5
-    )
+    own = {"title": "mine", "localizers": ("mcl",), "trials": 3}
+    assert benchmarks.sweep(Sweep(**own), seed=5).sweep == Sweep(**own, seed=5)
     zipped = [{"scenario": ["paper", "guided"], "params.particles": [10, 20]}]
     assert benchmarks.sweep("paper", vary=zipped, localizers=["mcl"]).sweep.planned == 20
     assert benchmarks.sweep("paper").sweep.baseline == "mcl"
@@ -191,7 +189,6 @@ def test_classes_of_a_cell_and_a_module_have_the_same_numbers_in_one_process_and
 
 
 def spinning(seen, info):
-    """Turns on the spot, and declares as the references do."""
     sure = float(seen["confident"][0] >= 1.0)
     return np.array([0.0, 0.0 if sure else math.pi / 12, sure], np.float32)
 

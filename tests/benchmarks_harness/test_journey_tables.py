@@ -60,7 +60,6 @@ def test_the_sign_test_counts_discordant_pairs_as_mc_nemar_does(better, worse, p
 
 
 def run(method, world, metres, *, way=10.0, success=None, filter_seed=0, **scores):
-    """A finished trial that localizes after so many metres of a way."""
     found = math.isfinite(metres)
     record = finished(method, world, 1.0 + world, filter_seed=filter_seed)
     scores |= {"success_1m": float(found if success is None else success)}
@@ -143,7 +142,6 @@ def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
 
 
 def sought(method, found, error=2.0, score="success_1m"):
-    """Runs of which the first ``found`` succeed."""
     records = [finished(method, world, error + 0.1 * world) for world in range(WORLDS)]
     return [whole(one, {score: float(w < found)}, 1.0) for w, one in enumerate(records)]
 
@@ -211,7 +209,6 @@ def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_
 
 
 def run_of(world, way, distance, angle, *, name="mcl", off=0.0, segment=6.0, **params):
-    """A finished trial with such curves, of a start that is off by so much."""
     place = {"world": {"segment": segment}, "assumed": {"prior.distance": off}, "params": params}
     record = changed(finished(name, world, 1.0, **place), unit="m")
     curves = {"way": way, "distance": distance, "angle": angle}

@@ -184,7 +184,6 @@ def told(steps: int = STEPS, seed: int = 0) -> np.ndarray:
 
 @cache
 def done_by(model) -> np.ndarray:
-    """What a robot of a model does when its odometry tells ``told()``."""
     rng, begin = np.random.default_rng(1), np.zeros((3, 1), np.float32)
     ends = np.array([model.sample(begin, one, rng)[:, 0] for one in told()], dtype=float)
     return np.array([increments_of(np.vstack([np.zeros(3), end]))[0] for end in ends])

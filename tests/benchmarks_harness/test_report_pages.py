@@ -133,9 +133,7 @@ def test_a_report_written_anew_has_its_animations_and_runs_nothing(given, tmp_pa
     assert "No animation: the folder has none of these worlds" in page
 
 
-def test_a_report_is_written_without_a_finished_trial_and_whatever_its_command_is(
-    tmp_path,
-):
+def test_a_report_is_written_without_a_finished_trial_and_whatever_its_command_is(tmp_path):
     words = ["deqmcl", "d\udce9", "a b", "new\nline", "it's", "```"]
     none = results([], failures=[(trial_of("x", 0), "boom")], missing=3)
     write_report(tmp_path, replace(none, command=words))
@@ -149,7 +147,6 @@ def test_a_report_is_written_without_a_finished_trial_and_whatever_its_command_i
 
 
 def cells_of(page):
-    """The cells of each table, line by line."""
     bare = re.sub("</?(span|strong)>", "", page)
     for table in re.findall("<table[ >].*?</table>", bare, re.DOTALL):
         lines = re.findall("<tr[^>]*>(.*?)</tr>", unescape(table).replace("\u00a0", " "), re.DOTALL)

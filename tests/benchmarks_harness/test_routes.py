@@ -25,7 +25,6 @@ def trial(name, number=0, **kwargs):
 
 
 def begun(name, number=0):
-    """A trial's room, and what it tells at reset."""
     one = trial(name, number)
     room = Stage.of(one).room
     return room, room.reset(seed=one.world_seed)[1]
@@ -37,7 +36,6 @@ def contacts(room, pose, actions):
 
 
 def driving(number=0, agent=ToGoal):
-    """A room with a goal, what it tells at reset, and an agent that has been told."""
     room, info = begun("driving", number)
     driver = agent(scenario("driving").robot_model(room))
     at_reset = driver.plan_at_reset(info | {"route": room.course.path.corners})

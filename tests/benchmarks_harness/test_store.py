@@ -26,7 +26,6 @@ FILES = {"a.csv": b"a", "images/b.svg": b"b"}
 
 
 def record_of(done):
-    """What a store is given of a finished trial."""
     return TrialRecord(**{name: getattr(done, name) for name in TrialRecord.__struct_fields__})
 
 
@@ -34,7 +33,6 @@ RECORD = record_of(DONE)
 
 
 def stored(out, *keys, shard=None):
-    """Keep a finished trial under each of these keys; return the file's lines."""
     with writing(out, shard) as store:
         for key in keys or (KEY,):
             store.put(key, TRIAL, RECORD, 2.5)

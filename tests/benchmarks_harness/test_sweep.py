@@ -102,7 +102,6 @@ def test_a_localizer_that_fails_fails_its_own_trials_alone(tmp_path, made, reaso
 
 
 def swept(out, names=("sure",), where=ONE_JOB, **said):
-    """Run two trials of each method into a folder; return the results."""
     methods = tuple(Method(name=name) for name in names)
     sweep = Sweep(title="t", localizers=methods, trials=2, params={"particles": 15}, **said)
     with begun(sweep, out, Options(where=where, progress=False), command=[]) as running:

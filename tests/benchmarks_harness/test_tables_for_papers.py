@@ -1,10 +1,10 @@
 """Table 1 with the paper's values; trials.csv, timings.csv; LaTeX, PDF and BibTeX for a paper."""
 
-import csv
 import math
 import re
 from pathlib import Path
 
+import deqmcl_command
 import pytest
 import report_cases
 import yaml
@@ -89,12 +89,11 @@ def test_timings_csv_has_a_line_per_trial_in_seconds_and_milliseconds_per_step()
 
 
 def test_the_papers_values_in_the_reports_are_those_printed():
-    with (ROOT / "docs/reports/paper/printed/table1.csv").open() as file:
-        for row in csv.DictReader(file):
-            error, *others = PRINTED[row["method"]]
-            assert f"{row['error']} ({row['error_sd']})" == error
-            names = ("entropy", "var_x", "var_y", "var_cos", "var_sin")
-            assert [row[name] for name in names] == others
+    for row in deqmcl_command.lines(ROOT / "docs/reports/paper/printed", "table1.csv"):
+        error, *others = PRINTED[row["method"]]
+        assert f"{row['error']} ({row['error_sd']})" == error
+        names = ("entropy", "var_x", "var_y", "var_cos", "var_sin")
+        assert [row[name] for name in names] == others
 
 
 @pytest.fixture(scope="module")

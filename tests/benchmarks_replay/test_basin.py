@@ -3,6 +3,7 @@
 import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,13 +31,11 @@ assumed.prior.angle = [0.0, {RIGHT_ANGLE}]
 
 
 def swept(text):
-    with open("starts.toml", "w", encoding="utf-8") as file:
-        file.write(text)
+    Path("starts.toml").write_text(text, encoding="utf-8")
     return exit_code("sweep", "starts.toml", "--jobs", "1", "--out", "out")
 
 
 def begun(distance, angle, number=0, localizer="mcl"):
-    """The stage of a trial in an office, just begun, with such an error of the start."""
     assumed = {"prior.kind": "displaced", "prior.distance": distance, "prior.angle": angle}
     how = {"scenario": "driving-blind", "assumed": assumed, "lag": 0, "seed": 3}
     trial = trial_of(localizer, number, **how)

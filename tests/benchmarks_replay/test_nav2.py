@@ -1,12 +1,12 @@
 """``replay --nav2``: all of a user's AMCL parameters are accounted for."""
 
-import csv
 import json
 import os
 import re
 import tomllib
 from pathlib import Path
 
+import deqmcl_command
 import numpy as np
 import pandas as pd
 import pytest
@@ -56,8 +56,6 @@ PARTS = st.lists(st.sampled_from(["*", "**", "amcl", "a", "b"]), min_size=1, max
 
 @pytest.fixture
 def params(tmp_path):
-    """A function that writes a parameter file, some of its lines changed."""
-
     def written(old="", new=""):
         assert old in BRINGUP
         path = tmp_path / "nav2_params.yaml"
@@ -331,8 +329,8 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     assert "differential, alpha1 0.04, alpha2 0.08, alpha3 0.09, alpha4 0.2" in said.out
     assert "around (2.20, 1.00, 0.10 rad)" in said.out
     assert f"{len(logs.read('lap.csv').spaced(0.25, 0.05))} records" in said.out
-    with open("out/results.csv", newline="") as file:
-        assert [row["localizer"] for row in csv.DictReader(file)] == ["amcl", "dead-reckoning"]
+    rows = deqmcl_command.lines(Path("out"), "results.csv")
+    assert [row["localizer"] for row in rows] == ["amcl", "dead-reckoning"]
     assert main([*command, "--node", "nobody", "--out", "other"]) == 2
 
 

@@ -52,7 +52,6 @@ def lap():
 
 
 def replay(*words, drawn=False):
-    """Run the command, which draws no report unless told so; its exit code."""
     with pytest.MonkeyPatch.context() as patched:
         if not drawn:
             patched.setattr(command, "no_report", lambda: "it is left out")
@@ -120,7 +119,6 @@ def test_coverage_and_nees_are_of_the_records_that_are_judged_and_stamps_leave_o
 
 
 def tum(path):
-    """Poses x, y, θ by time, as the text says."""
     rows = [list(map(float, line.split())) for line in path.read_text().splitlines()]
     return {t: (x, y, 2 * math.atan2(qz, qw)) for t, x, y, _, _, _, qz, qw in rows}
 

@@ -138,7 +138,6 @@ def test_gaussians_are_calibrated_by_the_chi_squared_distribution():
 
 
 def write_estimate(path, times, poses, spread):
-    """An estimate with the same covariance at all times, as CSV."""
     upper = np.asarray(spread)[np.triu_indices(3)].tolist()
     rows = [(t, *pose, *upper) for t, pose in zip(times, np.asarray(poses).tolist(), strict=True)]
     path.write_text("\n".join([COVARIANCES, *(",".join(map(repr, row)) for row in rows)]))
@@ -273,7 +272,6 @@ def test_what_is_no_limit_is_refused(words, told):
 
 
 def tracks(seed, n=120):
-    """A drive with turns beyond ±π, and an estimate of it."""
     rng = np.random.default_rng(seed)
     reference = np.cumsum(rng.normal(0.1, 0.5, (n, 3)), axis=0)
     return reference + rng.normal(0, 0.3, (n, 3)), reference

@@ -61,13 +61,11 @@ def here(folder, monkeypatch):
 
 @pytest.fixture
 def before(hall, monkeypatch):
-    """Where nothing need have been searched."""
     monkeypatch.chdir(hall)
     return hall
 
 
 def searched(out, *words, space=None, log=None):
-    """Search into a folder by ``MCL``, in another space or log if these are given."""
     given = {"space.toml": space, "lap.csv": log}
     base = [given.get(word) or word for word in MCL]
     assert exit_code(*base, *words, "--jobs", "1", "--out", out) == 0

@@ -42,10 +42,8 @@ def test_docs_explain_every_figure():
 
 def test_ranges_in_numpy_are_exact_within_a_turn_that_float32_cannot_resolve():
     poses = speed.free_poses(PAPER_ROOM, 3_000)  # several blocks
-    around = [
-        reference.ranges(PAPER_ROOM.walls, poses, speed.BEARINGS + turn)
-        for turn in (-2e-6, 0, 2e-6)
-    ]
+    turned = (speed.BEARINGS + turn for turn in (-2e-6, 0, 2e-6))
+    around = [reference.ranges(PAPER_ROOM.walls, poses, bearings) for bearings in turned]
     seen = speed.numpy_ranges(PAPER_ROOM, poses)
     slack = 5e-4  # px: a product, a quotient and differences of coordinates to 350
     assert (seen >= np.min(around, axis=0) - slack).all()

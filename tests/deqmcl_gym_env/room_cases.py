@@ -10,10 +10,8 @@ from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 ROOM_ID = "deqmcl_gym:deqmcl_gym/Room-v0"
 STILL = {"drive": 0.0, "turn": 0.0, "drift": 0.0}  # no motion noise
 
-PAPER = {
-    "outer": [[0, 0], [350, 0], [350, 300], [0, 300]],
-    "obstacles": [[[100, 100], [250, 100], [250, 200], [100, 200]]],
-}
+BLOCK = [[100, 100], [250, 100], [250, 200], [100, 200]]
+PAPER = {"outer": [[0, 0], [350, 0], [350, 300], [0, 300]], "obstacles": [BLOCK]}
 TRIANGLE = PAPER | {"obstacles": [[[120, 90], [240, 110], [170, 210]]]}
 # Of both orientations, one of them not convex.
 SEVERAL = {
@@ -25,10 +23,8 @@ SEVERAL = {
     ],
 }
 # The outer wall points into the room.
-SPIKE = {
-    "outer": [[0, 0], [400, 0], [400, 140], [310, 150], [400, 160], [400, 300], [0, 300]],
-    "obstacles": PAPER["obstacles"],
-}
+POINTED = [[0, 0], [400, 0], [400, 140], [310, 150], [400, 160], [400, 300], [0, 300]]
+SPIKE = {"outer": POINTED, "obstacles": [BLOCK]}
 EMPTY = {"outer": [[0, 0], [0, 300], [350, 300], [350, 0]]}  # clockwise
 FLOOR_PLANS = {"paper": PAPER, "triangle": TRIANGLE, "several": SEVERAL, "empty": EMPTY}
 

@@ -38,7 +38,6 @@ def actions(rng, seen):
 
 
 def agree(many, single):
-    """Whether observations or infos are the same up to rounding."""
     for name, value in single.items():
         np.testing.assert_allclose(many[name], value, rtol=0, atol=1e-4, err_msg=name)
 
@@ -77,10 +76,8 @@ def test_rooms_are_the_single_env_through_contacts_declarations_and_new_building
 
 
 def test_with_same_step_the_last_observation_is_told_and_the_next_episode_is_seen():
-    ways = {
-        mode: gym.make_vec(ID, num_envs=ROOMS, autoreset_mode=mode, **TASK)
-        for mode in (AutoresetMode.NEXT_STEP, "SameStep")
-    }
+    modes, how = (AutoresetMode.NEXT_STEP, "SameStep"), {"num_envs": ROOMS, **TASK}
+    ways = {mode: gym.make_vec(ID, autoreset_mode=mode, **how) for mode in modes}
     still = np.zeros((ROOMS, 3), np.float32)
     steps = {}
     for mode, envs in ways.items():

@@ -25,12 +25,9 @@ WAYPOINTS = ((1.0, 1.0), (3.4, 1.0), (3.4, 2.4), (1.0, 2.4))
 
 def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):
     """Random steps of 0 to 60 px: poses before and after, and whether each collided."""
-    robot = LONG | {"radius": radius}
     # a lap of 0.2 px steps: long enough for n steps in one episode
-    env = RoomEnv(
-        floor_plan=floor_plan, robot=robot, noise=noise, lap={"step": 0.2}, ends_at_goal=False,
-        horizon=1,
-    )  # fmt: skip
+    how = {"lap": {"step": 0.2}, "ends_at_goal": False, "horizon": 1}
+    env = RoomEnv(floor_plan=floor_plan, robot=LONG | {"radius": radius}, noise=noise, **how)
     _, info = env.reset(seed=4)
     agent = np.random.default_rng(5)
     drawn = np.column_stack([agent.uniform(0, 60, n), agent.uniform(-math.pi, math.pi, n)])

@@ -125,7 +125,6 @@ def lap_then(env, after, action) -> Iterator[tuple[float, float]]:
 
 
 def returned(policy) -> tuple[float, bool, bool, int]:
-    """What a policy earns; whether it did the task, and touched a wall; its steps."""
     env = calm()
     total, touched = 0.0, False
     for steps, action in enumerate(policy(env), 1):

@@ -147,9 +147,8 @@ def test_the_goal_may_be_seen_from_the_belief():
     room = env.unwrapped
     robot = localizers.RobotModel(floor_plan=room.floor_plan, lidar=room.lidar)
     anywhere = localizers.UniformPrior(floor_plan=room.floor_plan)
-    view = BeliefObservation(
-        env, localizers.make("mcl", robot, particles=50), anywhere, goal="relative"
-    )
+    mcl = localizers.make("mcl", robot, particles=50)
+    view = BeliefObservation(env, mcl, anywhere, goal="relative")
     seen, info = view.reset(seed=0)
     for _ in range(5):
         wanted = seen_from(seen["mean"], room.course.goal)
@@ -175,9 +174,8 @@ def test_a_driver_set_down_at_its_goal_is_refused_and_nothing_has_changed():
     again.reset(seed=1)
     for _ in range(3):
         info = env.step(info["planned_actions"][0])[-1]
-        np.testing.assert_array_equal(
-            again.step(info["command"])[-1]["planned_actions"], info["planned_actions"]
-        )
+        same = again.step(info["command"])[-1]
+        np.testing.assert_array_equal(same["planned_actions"], info["planned_actions"])
 
 
 @given(st.lists(st.tuples(*[st.integers(-50, 50)] * 2), min_size=2, max_size=8), st.floats(0, 1))

@@ -102,12 +102,8 @@ def episode(env, seed: int = 5) -> tuple[np.ndarray, list]:
 def test_beams_are_lost_with_the_probability_whatever_neighbours_or_scans_lose(probability):
     scans, _ = episode(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), probability))
     lost = np.isposinf(scans)
-    both = probability**2  # two of them are lost
-    for seen, share in (
-        (lost, probability),
-        (lost[:, 1:] & lost[:, :-1], both),
-        (lost[1:] & lost[:-1], both),
-    ):
+    pairs = lost[:, 1:] & lost[:, :-1], lost[1:] & lost[:-1]
+    for seen, share in ((lost, probability), *((pair, probability**2) for pair in pairs)):
         # 5 standard errors of a binomial share, false alarms 6e-7 each; a pair shares beams with
         # two others: at most √2 times the error
         assert abs(seen.mean() - share) < 5 * math.sqrt(2 * share * (1 - share) / seen.size)

@@ -34,10 +34,8 @@ SCRIPTS = [
 LEARNED = f"{EXAMPLES}/learned_localizer/learned.py:Learned"
 
 FOREIGN = {"filterpy_ukf.py:Ukf": "filterpy.kalman", "particles_smc.py:Smc": "particles"}
-WRAPPED = FOREIGN | {
-    "filterpy_odometry.py": "filterpy.kalman",
-    "kiss_icp_odometry.py": "kiss_icp.config",
-}
+ODOMETRIES = {"filterpy_odometry.py": "filterpy.kalman", "kiss_icp_odometry.py": "kiss_icp.config"}
+WRAPPED = FOREIGN | ODOMETRIES
 NOTEBOOK = ROOT / "docs" / "deq-mcl.ipynb"
 CELLS = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
 FEWER = (('sweep("paper")', 'sweep("paper", trials=2)'), ("trials=10", "trials=2"))
@@ -255,10 +253,8 @@ def test_in_unseen_buildings_it_predicts_scans_better_where_the_map_is_wrong_and
     for world in ("lost", str(FOLDER / "high.toml")):
         data = recorded((3000, 3040), 30, rooms=24, crop=2, scenario=world)
         seen, wall = data["scan"].reshape(-1, BEAMS).astype(float), data["expected"]
-        usual = [
-            beam.log_likelihood(z, e[None], REACH)[0]
-            for z, e in zip(seen, wall.reshape(-1, BEAMS), strict=True)
-        ]
+        both = zip(seen, wall.reshape(-1, BEAMS), strict=True)
+        usual = [beam.log_likelihood(scan, walls[None], REACH)[0] for scan, walls in both]
         learned = net.log_density(seen, wall.reshape(-1, BEAMS)).sum(axis=1)
         gains[world] = learned.mean() - np.mean(usual)
     right, wrong = gains.values()  # nats a scan

@@ -171,10 +171,8 @@ def test_navs_models_assume_nothing_that_the_robot_model_does(kind):
     sharp = localizers.GaussianUniform(sigma=0.01, power=0.1)
     other = replace(robot, motion=localizers.OdometryMotion(drive=3.0), scan=sharp)
     prior = localizers.GaussianPrior(mean=(1.5, 2.0, 0.0), sd_position=0.2)
-    beliefs = [
-        updated("amcl", one, prior, np.full(20, 1.5), (0.3, 0.1), laser_model_type=kind).points()
-        for one in (robot, other)
-    ]
+    seen = {"scan": np.full(20, 1.5), "action": (0.3, 0.1), "laser_model_type": kind}
+    beliefs = [updated("amcl", one, prior, **seen).points() for one in (robot, other)]
     assert all(map(np.array_equal, *beliefs))
 
 
@@ -227,7 +225,6 @@ def test_every_so_many_th_beam_is_used():
     prior = localizers.GaussianPrior(mean=(200, 100, 0.0))
     other = np.where(np.arange(9) % 4 == 0, 50.0, 90.0)
     for used, is_same in (({"max_beams": 3}, True), ({}, False)):
-        clouds = [
-            updated("amcl", robot, prior, o, **used).present for o in (np.full(9, 50.0), other)
-        ]
+        seen = (np.full(9, 50.0), other)
+        clouds = [updated("amcl", robot, prior, scan, **used).present for scan in seen]
         assert np.array_equal(*clouds) == is_same

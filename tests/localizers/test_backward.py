@@ -82,9 +82,8 @@ def test_on_a_line_it_is_the_smoother_of_rauch_tung_and_striebel():
     runs, evidence = [], []
     for seed in range(40):
         stream = np.random.default_rng(seed)
-        clouds, own = forward(
-            Start(), Line(), Line(), scans, actions, 500, stream, dtype=np.float64
-        )
+        line, how = Line(), {"dtype": np.float64}
+        clouds, own = forward(Start(), line, line, scans, actions, 500, stream, **how)
         evidence.append(math.exp(own - log_evidence))
         runs.append(backward(clouds, Line(), actions, 100, stream)[:, 0])
     assert np.mean(evidence) == pytest.approx(1, abs=0.05)

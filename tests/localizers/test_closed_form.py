@@ -118,9 +118,8 @@ def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):
 
 def test_a_beam_beyond_the_gate_is_left_out_and_counted(corridor):
     prior = localizers.GaussianPrior(mean=(100, 50, 0.0), sd_position=2.0, sd_heading=0.01)
-    gated, lost = (
-        updated("ekf", corridor, prior, [50.0, ahead, 50.0]) for ahead in (90.0, math.nan)
-    )
+    scans = ([50.0, ahead, 50.0] for ahead in (90.0, math.nan))
+    gated, lost = (updated("ekf", corridor, prior, scan) for scan in scans)
     assert gated.events.gated_beams == 1
     assert gated.mean == pytest.approx(lost.mean)
     assert gated.covariance == pytest.approx(lost.covariance)
@@ -138,9 +137,8 @@ def test_beams_that_cannot_read_anything_but_max_range_tell_nothing(gate):
         scan=localizers.CensoredGaussianUniform(sigma=10.0),
     )
     prior = localizers.GaussianPrior(mean=(1000, 1000, 0.0), sd_position=5.0)
-    seen, blind = (
-        updated("ekf", hall, prior, [o] * 4, gate=gate, action=[20, 0]) for o in (400.0, math.nan)
-    )
+    how = {"gate": gate, "action": [20, 0]}
+    seen, blind = (updated("ekf", hall, prior, [o] * 4, **how) for o in (400.0, math.nan))
     assert seen.events.gated_beams == 0
     assert seen.mean.tolist() == blind.mean.tolist()
     assert seen.covariance.tolist() == blind.covariance.tolist()

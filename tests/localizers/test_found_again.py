@@ -48,11 +48,8 @@ def drive():
 
 
 def tracker(seed=0, floor_plan=None, recovery=Relocalization(poses=20_000), **params):  # noqa: B008
-    robot = RobotModel(
-        floor_plan=hall() if floor_plan is None else floor_plan,
-        lidar=LIDAR,
-        scan=localizers.GaussianUniform(sigma=0.1, power=0.3),
-    )
+    plan, scan = floor_plan or hall(), localizers.GaussianUniform(sigma=0.1, power=0.3)
+    robot = RobotModel(floor_plan=plan, lidar=LIDAR, scan=scan)
     localizer = make("mcl", robot, particles=300)
     return Tracker(localizer, np.random.default_rng(seed), recovery=recovery, **params)
 

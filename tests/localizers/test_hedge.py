@@ -53,7 +53,6 @@ def test_what_is_unknown_or_impossible_to_both_moves_no_trust():
 
 
 def misled(drive, seed):
-    """Plans that have nothing to do with the drive."""
     rng, steps = RNG(seed), len(drive[0])
     return [rng.normal((20.0, 0.0), (15.0, 0.5), (20, 2)) for _ in range(steps + 1)]
 
@@ -61,9 +60,8 @@ def misled(drive, seed):
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("mutual", [False, True])
 def test_whatever_plans_say_scans_stay_likely_but_for_a_constant(robot, prior, drive, seed, mutual):
-    hedge = localizers.make(
-        "mcl-plan-hedged", robot, particles=N, switching=0.01, trust=0.7, mutual=mutual
-    )
+    params = {"particles": N, "switching": 0.01, "trust": 0.7, "mutual": mutual}
+    hedge = localizers.make("mcl-plan-hedged", robot, **params)
     beliefs = follow(hedge, prior, drive, seed, plans=misled(drive, seed))[1:]
     told = sum(belief.scan_log_evidence for belief in beliefs)
     stays = len(beliefs) * math.log(0.99)
@@ -165,13 +163,10 @@ def two_modes(drive, beta, switching, trust, *, mutual):
 @pytest.mark.parametrize("author", ["anew", "stale"])
 def test_many_particles_are_the_two_modes_enumerated(author, mutual):
     drive = ring.AUTHORS[author]
-    members = [
-        predictive(replace(made(BETA), particles=MANY))
-        for made in (ring.with_plans, ring.METHODS["g and past"])
-    ]
-    hedge = Hedge(
-        advised=members[0], protected=members[1], switching=SWITCHING, trust=TRUST, mutual=mutual
-    )
+    made = (one(BETA) for one in (ring.with_plans, ring.METHODS["g and past"]))
+    advised, protected = (predictive(replace(filter_, particles=MANY)) for filter_ in made)
+    trust = {"switching": SWITCHING, "trust": TRUST, "mutual": mutual}
+    hedge = Hedge(advised=advised, protected=protected, **trust)
     exact = two_modes(drive, BETA, SWITCHING, TRUST, mutual=mutual)
     for belief, (q, *clouds) in zip(ring.beliefs(hedge, drive, seed=0), exact, strict=True):
         assert belief.trusted == pytest.approx(q, abs=TOLERANCE)

@@ -15,10 +15,8 @@ from localizers.models.scan import LidarScan, Scan
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
 LAG, WITHOUT_G_AND_FUTURE = {"lag": 5}, {"future": 0, "feasibility": None}
-CHARGES = {
-    name: [word for word in ("beta", "plan_beta") if word in (localizers.parameters(name) or ())]
-    for name in localizers.names()
-}
+TAKEN = {name: localizers.parameters(name) or () for name in localizers.names()}
+CHARGES = {name: [b for b in ("beta", "plan_beta") if b in taken] for name, taken in TAKEN.items()}
 M = 0.02  # to the px
 STEPS = 48
 # float32 weights differ by 1e-6: means are CLOSE until resampling takes another particle, before
@@ -106,9 +104,8 @@ def test_a_method_that_is_given_no_beta_has_that_of_the_robot(robot, prior, driv
     some = {"start_draws": 4} if "start_draws" in localizers.parameters(name) else {}
 
     def run(assumed, **given):
-        made = localizers.make(
-            name, replace(robot, beta=assumed), **small(name, 60), **some, **given
-        )
+        robots_own = replace(robot, beta=assumed)
+        made = localizers.make(name, robots_own, **small(name, 60), **some, **given)
         return follow(made, prior, drive)
 
     mild, strict = (dict.fromkeys(CHARGES[name], beta) for beta in (0.7, 10.0))

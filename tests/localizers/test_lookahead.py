@@ -61,9 +61,8 @@ def test_a_future_drawn_anew_changes_no_weight_and_no_present(make, prior, drive
     plain = follow(make("mcl-plan", lag=5), prior, drive)
     assert same(looking, plain, PAST)
     assert all(belief.points(1) is None for belief in plain)
-    assert [sum(belief.points(k) is not None for k in range(1, 7)) for belief in looking[-7:]] == [
-        5, 5, 4, 3, 2, 1, 0,
-    ]  # fmt: skip
+    ahead = [sum(belief.points(k) is not None for k in range(1, 7)) for belief in looking[-7:]]
+    assert ahead == [5, 5, 4, 3, 2, 1, 0]
 
 
 def test_a_drawn_future_starts_from_its_own_present_and_follows_the_plan():

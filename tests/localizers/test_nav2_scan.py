@@ -25,9 +25,8 @@ def building() -> GridMap:
     office = Office(seed=3, wings=1, corridors=1).grid
     cells = office.occupancy.copy()
     cells[np.random.default_rng(0).random(cells.shape) < 0.1] = -1
-    return GridMap(
-        occupancy=cells, resolution=office.resolution, origin=(-3.0, 2.0, 0.3), unknown="obstacle"
-    )
+    there = {"resolution": office.resolution, "origin": (-3.0, 2.0, 0.3)}
+    return GridMap(occupancy=cells, unknown="obstacle", **there)
 
 
 def by_hand(building, lidar, poses, scan, *, step, farthest=2.0, sigma=0.2, hit=0.5, rand=0.5):
@@ -103,11 +102,8 @@ def test_three_beams_of_the_beam_model_weigh_as_computed_by_hand():
     # rays: 1.025 m to the edge of the map; 0.975 m to the cell's face; 2.975 m to the edge
     scan = np.array([0.9, 1.2, 10.0])
     short, random = 0.05 * 0.1 * math.exp(-0.1 * 0.9), 0.5 / 10.0
-    q = [
-        0.5 * math.exp(-(0.125**2) / 0.08) + short + random,
-        0.5 * math.exp(-(0.225**2) / 0.08) + random,
-        0.5 * math.exp(-(7.025**2) / 0.08) + 0.05,
-    ]
+    hits = [0.5 * math.exp(-(off**2) / 0.08) for off in (0.125, 0.225, 7.025)]
+    q = [hits[0] + short + random, hits[1] + random, hits[2] + 0.05]
     told = log_w(BeamCubes(**three_beams()), HERE, scan)
     assert math.exp(told[0]) == pytest.approx(1 + sum(v**3 for v in q), rel=1e-5)
     lost = log_w(BeamCubes(**three_beams()), HERE, np.array([np.nan, 1.2, np.inf]))
@@ -154,9 +150,8 @@ def skipping_case(error_threshold: float):
     scan[[2, 5, 7]] = 0.3
     states = np.zeros((3, 20), np.float32)
     states[0], states[1] = 2.025, 2.0
-    skipping = nav2_scan.BeamSkipping(
-        field=field, distance=0.5, threshold=0.3, error_threshold=error_threshold
-    )
+    limits = {"distance": 0.5, "threshold": 0.3, "error_threshold": error_threshold}
+    skipping = nav2_scan.BeamSkipping(field=field, **limits)
     return skipping, states, scan
 
 

@@ -106,8 +106,6 @@ class Mine(Base):
 
 @pytest.fixture
 def notebook(monkeypatch):
-    """Run a cell, with something replaced in it, where no file is; return a name's value."""
-
     def run(before="", after="", name="Mine"):
         main = ModuleType("__main__")
         monkeypatch.setitem(sys.modules, "__main__", main)
@@ -212,9 +210,8 @@ def test_malformed_entry_points_of_one_package_hide_no_other(module, install, tm
 @pytest.mark.parametrize("other", ["", "class Other:\n    pass\n\n", "def _other(robot): ...\n"])
 def test_a_file_with_one_localizer_means_that(tmp_path, robot, other):
     file = tmp_path / "one.py"
-    file.write_text(
-        f"from localizers.template import MyLocalizer\n{other}\nclass One(MyLocalizer): ...\n"
-    )
+    template = "from localizers.template import MyLocalizer"
+    file.write_text(f"{template}\n{other}\nclass One(MyLocalizer): ...\n")
     assert LOCALIZER.complete(str(file)) == f"{file}:One"
     assert type(localizers.make(str(file), robot)).__name__ == "One"
     for name in ("mcl", "pack.good:Mine", f"{file}:One", "never-heard-of"):

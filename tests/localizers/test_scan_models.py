@@ -1,6 +1,7 @@
 """Scan models: a beam has its book's density, a scan is a product over the beams."""
 
 import math
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -24,9 +25,8 @@ OF_SHARES = [(0.05, 2.0), (0.5, 0.3), (0.2, 50.0)]
 NAN, INF = math.nan, math.inf
 LIDAR = Lidar(beams=5, field_of_view=2.0, max_range=400.0)
 SCAN = np.array([60.0, 80.0, 250.0, 80.0, 60.0])
-POSES = np.array(
-    [(50, 50, 0.1), (300, 50, 1.5), (60, 250, -1.0), (175, 150, 0.0)], dtype=np.float32
-).T
+PLACES = (50, 50, 0.1), (300, 50, 1.5), (60, 250, -1.0), (175, 150, 0.0)
+POSES = np.array(PLACES, dtype=np.float32).T
 
 
 def phi(z: float) -> float:
@@ -67,10 +67,9 @@ def test_the_compiled_log_likelihood_is_the_sum_of_the_logs_of_the_formulas(mode
     measured = rng.uniform(0, MAX, 40)  # more than one fold
     measured[::5], measured[1::5] = 0.0, MAX
     expected = rng.uniform(0.5, 500, (600, 40)).astype(np.float32)  # more than one block
-    exact = [
-        sum(math.log(exact_density(beam, o, e)) for o, e in zip(measured, row, strict=True))
-        for row in expected.astype(float).tolist()
-    ]
+    rows = expected.astype(float).tolist()
+    pairs = (zip(measured, row, strict=True) for row in rows)
+    exact = [sum(math.log(exact_density(beam, o, e)) for o, e in pair) for pair in pairs]
     # The share of a hit is wide by some 1e-16, in the tails to z² times that; it is under 1e-13 of
     # a density that has a floor, where z < 12. The logarithms are of some units, forty of them.
     seen = beam.log_likelihood(measured, expected, MAX)
@@ -241,10 +240,8 @@ def test_outside_the_walls_each_usable_beam_counts_minus_thirty(room, beam, used
 
 
 def parts(model, ranges, expected):
-    return [
-        density(CensoredGaussianUniform(sigma=model.sigma, uniform=share), ranges, expected, MAX)
-        for share in (0.0, 1.0)
-    ]
+    one = partial(CensoredGaussianUniform, sigma=model.sigma)
+    return [density(one(uniform=share), ranges, expected, MAX) for share in (0.0, 1.0)]
 
 
 def log_beta(a: float, b: float) -> float:

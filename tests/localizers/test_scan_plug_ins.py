@@ -66,9 +66,8 @@ def errors(trial):
 def test_a_plug_in_like_the_built_in_model_gives_its_beliefs(file, robot, prior, drive, name):
     ours = replace(robot, scan=localizers.GaussianUniform(sigma=30.0))
     theirs = replace(robot, scan=ScanPlugIn(kind=str(file), params={"sigma": 30.0}))
-    runs = [
-        follow(localizers.make(name, known, particles=60), prior, drive) for known in (ours, theirs)
-    ]
+    made = (localizers.make(name, known, particles=60) for known in (ours, theirs))
+    runs = [follow(localizer, prior, drive) for localizer in made]
     assert same(*runs)
 
 
@@ -78,17 +77,15 @@ def test_the_power_scales_its_log_likelihood_also_of_more_poses_than_a_block(fil
     made = ScanPlugIn(kind=str(file), power=0.25).made(robot.floor_plan, robot.lidar)
     beam = localizers.GaussianUniform()
     own = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=beam)
-    assert np.array_equal(
-        made.log_likelihood(states, scan), 0.25 * own.log_likelihood(states, scan)
-    )
+    told = made.log_likelihood(states, scan)
+    assert np.array_equal(told, 0.25 * own.log_likelihood(states, scan))
     nothing = Scan.of(np.full(robot.lidar.beams, np.nan), robot.lidar.max_range)
     assert not made.log_likelihood(states, nothing).any()
 
 
 def test_a_scenario_and_a_sweep_find_it_from_their_own_folder(file, tmp_path):
-    (tmp_path / "room.toml").write_text(
-        'base = "guided"\nassumed.scan = { kind = "mine.py", sigma = 40.0 }\n'
-    )
+    assumed = 'assumed.scan = { kind = "mine.py", sigma = 40.0 }'
+    (tmp_path / "room.toml").write_text(f'base = "guided"\n{assumed}\n')
     found = scenario(f"{tmp_path}/room.toml").scan
     assert (found.kind, found.params) == (f"{file}:Same", {"sigma": 40.0})
     (tmp_path / "sweep.toml").write_text(

@@ -19,9 +19,8 @@ OUTSIDE = -30.0  # of each usable beam
 PARTICLES = 25
 DRIVEN = [(20.0, 0.0), (20.0, 0.3), (25.0, -0.2), (30.0, 0.0), (15.0, 0.5)]
 SEEN = [[270.0], [150.0], [230.0], [200.0], [90.0]]
-SMALL = PolygonMap(
-    outer=[(0, 0), (60, 0), (60, 40), (0, 40)], obstacles=[[(23, 13), (38, 13), (38, 27), (23, 27)]]
-)
+BLOCK = [(23, 13), (38, 13), (38, 27), (23, 27)]
+SMALL = PolygonMap(outer=[(0, 0), (60, 0), (60, 40), (0, 40)], obstacles=[BLOCK])
 CELL, HEADINGS = 10.0, 8
 ACTIONS = [(12.0, 0.3), (7.0, -0.9), (0.0, 2.0), (9.0, 0.0)]
 SCANS = [[20.0, 31.0, 12.0], [15.0, math.nan, 40.0], [33.0, 8.0, -1.0], [10.0, 20.0, 30.0]]
@@ -104,9 +103,8 @@ def transition(action, motion) -> np.ndarray:
                     if 0 <= y < rows and 0 <= x < columns:
                         after = (h * rows + y) * columns + x
                         for before in range(HEADINGS):
-                            matrix[after, (before * rows + row) * columns + column] += (
-                                moves[down, right] * turns[h, before]
-                            )
+                            here = (before * rows + row) * columns + column
+                            matrix[after, here] += moves[down, right] * turns[h, before]
     return matrix
 
 
@@ -205,9 +203,8 @@ def ours(robot: localizers.RobotModel, prior) -> np.ndarray:
     localizer, rows = localizers.make("mcl", robot, particles=PARTICLES), []
     for seed in range(1_200):
         localizer.reset(prior, [], np.random.default_rng(seed))
-        beliefs = [
-            localizer.update(scan, action, []) for action, scan in zip(DRIVEN, SEEN, strict=True)
-        ]
+        seen = zip(DRIVEN, SEEN, strict=True)
+        beliefs = [localizer.update(scan, action, []) for action, scan in seen]
         rows.append([summary(*belief.points()) for belief in beliefs])
     return np.array(rows)
 

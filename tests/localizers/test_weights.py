@@ -70,9 +70,8 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
     before, factor = given_logs
     belief = cloud(before)
     logs = np.array(factor)
-    after = (
-        belief.scanned(Scan.of(np.zeros(1), 1.0), logs, 256) if is_scan else belief.reweighted(logs)
-    )
+    scan = Scan.of(np.zeros(1), 1.0)
+    after = belief.scanned(scan, logs, 256) if is_scan else belief.reweighted(logs)
     expected = shares_of([a + b for a, b in zip(before, factor, strict=True)])
     assert after.events.weight_collapses == (not expected)
     if expected:
@@ -278,9 +277,8 @@ def assert_sound(belief) -> None:
 @pytest.mark.parametrize("ess_threshold", [None, 0.5])
 def test_if_all_collide_the_weights_are_those_of_the_scan(steady, start, name, ess_threshold):
     params = {"particles": 50, "ess_threshold": ess_threshold}
-    collapsed, uncharged = (
-        updated(name, steady, start, [40.0], [-80.0, 0.0], beta=beta, **params) for beta in (INF, 0)
-    )
+    seen = {"scan": [40.0], "action": [-80.0, 0.0], **params}
+    collapsed, uncharged = (updated(name, steady, start, beta=b, **seen) for b in (INF, 0))
     assert uncharged.events.weight_collapses == 0
     assert collapsed.events.weight_collapses == 1
     assert np.array_equal(collapsed.points()[1], uncharged.points()[1])
@@ -303,9 +301,7 @@ def test_a_scan_model_that_can_be_zero_collapses_and_is_counted(room, start):
 @pytest.mark.parametrize("pilots", [1, 16])
 @pytest.mark.parametrize("beta", [200.0, INF])
 @pytest.mark.parametrize("planned", [INTO_THE_WALL, np.tile([-25.0, 0.0], (6, 1))])
-def test_a_plan_that_is_given_up_leaves_sound_weights(
-    steady, start, planned, beta, pilots, ess_threshold
-):
+def test_a_plan_given_up_leaves_sound_weights(steady, start, planned, beta, pilots, ess_threshold):
     # The queued future collides for all particles or many; then another plan is driven.
     params = {"particles": 50, "lag": 3, "beta": beta, "ess_threshold": ess_threshold}
     localizer = localizers.make("deq-mcl", steady, pilots=pilots, **params)

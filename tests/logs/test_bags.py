@@ -17,7 +17,6 @@ LASERLESS = "no topic of type sensor_msgs/msg/LaserScan; its topics"
 
 
 def drive(*more, times=(0.5, 1.0, 1.5), **of_scans):
-    """Odometry at 0, 1, 2 s, one metre apart; scans in between."""
     moved = [("/odom", ODOMETRY, odometry(float(t), float(t), 0.1 * t)) for t in range(3)]
     return [*more, *moved, *(("/scan", SCAN, scan(time, **of_scans)) for time in times)]
 

@@ -95,9 +95,8 @@ def seen(pose, angles):
     x, y, heading = pose
     dx, dy = np.cos(heading + angles), np.sin(heading + angles)
     with np.errstate(divide="ignore"):
-        return np.minimum(
-            np.where(dx > 0, (WIDE - x) / dx, -x / dx), np.where(dy > 0, (DEEP - y) / dy, -y / dy)
-        )
+        by_x, by_y = np.where(dx > 0, WIDE - x, -x) / dx, np.where(dy > 0, DEEP - y, -y) / dy
+        return np.minimum(by_x, by_y)
 
 
 @pytest.mark.parametrize(
@@ -141,10 +140,8 @@ def test_scans_that_vary_are_all_used_at_the_angles_that_they_have(heard, varies
 
 def test_a_scan_of_no_beam_or_of_fewer_costs_no_record(heard):
     sizes = [0, 0, 3, *[5] * 36]
-    scans = [
-        ("/scan", SCAN, scan(t, ranges=np.full(n, 2.0), first=-1.0, step=0.5))
-        for t, n in zip(TIMES[1:-1], sizes, strict=True)
-    ]
+    timed, fan = zip(TIMES[1:-1], sizes, strict=True), {"first": -1.0, "step": 0.5}
+    scans = [("/scan", SCAN, scan(t, ranges=np.full(n, 2.0), **fan)) for t, n in timed]
     log, _ = heard(*moving(TIMES, POSES), *scans)
     assert (len(log), log.scanner.beams) == (39, 5)
     assert np.isfinite(log.ranges).sum(axis=1).tolist() == sizes

@@ -31,9 +31,8 @@ def test_an_office_is_a_floor_plan_of_cells():
 
 def test_polygons_in_a_file_are_those_that_it_says(tmp_path):
     path = tmp_path / "room.json"
-    path.write_text(
-        json.dumps({"outer": SQUARE, "obstacles": [[*SQUARE[:2], (9, 9)]], "unit": "m"})
-    )
+    obstacle = [*SQUARE[:2], (9, 9)]
+    path.write_text(json.dumps({"outer": SQUARE, "obstacles": [obstacle], "unit": "m"}))
     for given in (path, str(path), {"file": str(path)}):
         assert floor_plan(given) == PolygonMap(SQUARE, [[*SQUARE[:2], (9, 9)]], "m")
 

@@ -47,9 +47,8 @@ def test_a_hand_written_pgm_is_read_as_map_server_reads_it_negated_too(tmp_path)
     assert (grid.resolution, grid.origin) == (0.05, (1.5, -2.0, 0.25))
     assert (grid.occupied_thresh, grid.free_thresh) == (0.65, 0.196)
     far = math.hypot(0.15, 0.1), math.atan2(0.1, 0.15) + 0.25
-    np.testing.assert_allclose(
-        grid.placed([(3, 2)]), [[1.5 + far[0] * math.cos(far[1]), -2 + far[0] * math.sin(far[1])]]
-    )
+    corner = [1.5 + far[0] * math.cos(far[1]), -2 + far[0] * math.sin(far[1])]
+    np.testing.assert_allclose(grid.placed([(3, 2)]), [corner])
     turned = GridMap.load(written(tmp_path, negate=1))
     assert turned.occupancy.tolist() == [[100, -1, 100], [0, 100, 100]]
 

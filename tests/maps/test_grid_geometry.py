@@ -51,9 +51,8 @@ def test_a_ray_ends_where_it_first_enters_a_cell_of_the_other_kind(grid, seed):
     assert found.dtype == np.float32
     for row, pose in zip(found, poses, strict=True):
         for ray, bearing in zip(row, bearings, strict=True):
-            beside = [
-                seen(grid, pose + np.array([0, 0, bearing + turn])) for turn in (-1e-5, 0.0, 1e-5)
-            ]
+            turned = (np.array([0, 0, bearing + turn]) for turn in (-1e-5, 0.0, 1e-5))
+            beside = [seen(grid, pose + turn) for turn in turned]
             assert min(beside) - SINGLE <= ray <= max(beside) + SINGLE
 
 
@@ -104,9 +103,8 @@ def test_a_swept_disc_collides_if_a_solid_cell_or_edge_is_within_its_radius(grid
     for start, end, hit in zip(in_cells(grid, starts), in_cells(grid, ends), collides, strict=True):
         path = start + shares * (end - start)
         on_map = (path >= 0).all() and (path < grid.occupancy.shape[::-1]).all()
-        clear = min(
-            box_distance(path, boxes(grid)).min(initial=np.inf), edge_distance(grid, path).min()
-        )
+        cells = box_distance(path, boxes(grid))
+        clear = min(cells.min(initial=np.inf), edge_distance(grid, path).min())
         overrated = (math.dist(start, end) / 399) ** 2 / 8 / max(radius, 0.1) + EXACT
         if not on_map or clear <= radius - EXACT:
             assert hit

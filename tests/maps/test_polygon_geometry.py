@@ -187,9 +187,7 @@ def poses_around(grid, n, rng) -> np.ndarray:
     kept_all=st.booleans(),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_both_count_the_steps_that_collide_on_the_grid(
-    grid, n, steps, cells, radius, kept_all, seed
-):
+def test_both_count_the_steps_that_collide_on_a_grid(grid, n, steps, cells, radius, kept_all, seed):
     rng, size = np.random.default_rng(seed), radius * grid.resolution
     poses = poses_around(grid, n, rng)
     far = cells * grid.resolution

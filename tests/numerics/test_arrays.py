@@ -89,10 +89,9 @@ def test_the_compiled_centred_value_has_the_bits_of_pythons_remainder(period):
 
 def test_a_wrapped_angle_is_the_same_direction_and_one_within_half_a_turn_keeps_its_bits():
     angles = np.random.default_rng(6).uniform(-1e3, 1e3, 20_000)
-    for found, given in (
-        (arrays.wrapped(angles), angles),
-        (each(elementary.wrapped32, angles.astype(np.float32)), angles.astype(np.float32)),
-    ):
+    singles = angles.astype(np.float32)
+    wrapped = arrays.wrapped(angles), each(elementary.wrapped32, singles)
+    for found, given in zip(wrapped, (angles, singles), strict=True):
         eps = np.finfo(given.dtype).eps
         # the angle and the turns taken off it are rounded, and so is π
         assert (np.abs(found) <= np.pi + 1e3 * eps).all()

@@ -92,19 +92,17 @@ def test_no_env_needs_benchmarks_and_what_hides_localizers_is_named(tmp_path):
         (KeyboardInterrupt(), 130, "deqmcl: interrupted; finished trials are kept.\n"),
     ],
 )
-def test_a_run_that_fails_says_why_and_with_debug_where(
-    capsys, monkeypatch, tmp_path, error, code, said
-):
+def test_a_failing_run_says_why_and_with_debug_where(capsys, monkeypatch, here, error, code, said):
     def fail(*_, **__):
         raise error
 
     failing = experiments.paper_command._replace(run=fail)
     monkeypatch.setattr(experiments, "paper_command", failing)
-    assert exit_code("paper", "--out", tmp_path) == code
+    assert exit_code("paper", "--out", here) == code
     assert capsys.readouterr() == ("", said)
     if code == 3 and not isinstance(error, OSError):
         with pytest.raises(type(error)) as caught:
-            exit_code("paper", "--debug", "--out", tmp_path)
+            exit_code("paper", "--debug", "--out", here)
         assert caught.value is error
 
 

@@ -72,7 +72,7 @@ def heed_permissions() -> None:
 def locked(tmp_path_factory):
     """The three packages, and a home, in folders without permission to write."""
     root = tmp_path_factory.mktemp("install")
-    for package in ("benchmarks", "deqmcl_gym", "localizers"):
+    for package in PACKAGES:
         left = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / package, root / package, ignore=left)
     (root / "home").mkdir()
@@ -86,12 +86,9 @@ def locked(tmp_path_factory):
 
 def run(locked, temporary, *arguments):
     bare = {"PATH": os.environ["PATH"], "PYTHONPATH": str(locked), "HOME": str(locked / "home")}
-    done = process(
-        *(sys.executable, "-W", "error", "-c", *arguments),
-        cwd=locked,
-        env=bare | {"TMPDIR": str(temporary)},
-        preexec_fn=heed_permissions,
-    )
+    command = (sys.executable, "-W", "error", "-c", *arguments)
+    how = {"cwd": locked, "env": bare | {"TMPDIR": str(temporary)}}
+    done = process(*command, **how, preexec_fn=heed_permissions)
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
 

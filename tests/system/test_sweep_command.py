@@ -141,10 +141,8 @@ def test_a_method_stops_when_it_is_decided_and_its_baseline_goes_on_for_the_othe
     _, out = decided
     assert counts(out) == {"mcl": 22, "mcl-map": 22, "dead-reckoning": 20}
     last = {line["method"]: line for line in lines(out, "decisions.csv") if line["verdict"]}
-    assert {name: line["verdict"] for name, line in last.items()} == {
-        "mcl-map": "open",
-        "dead-reckoning": "better",
-    }
+    verdicts = {name: line["verdict"] for name, line in last.items()}
+    assert verdicts == {"mcl-map": "open", "dead-reckoning": "better"}
     for line in lines(out, "results.csv"):
         assert (line["diff_low"], line["p"]) == ("", "")  # nothing for a fixed number of worlds
 
