@@ -141,6 +141,7 @@ def test_a_report_is_written_without_a_finished_trial_and_whatever_its_command_i
     page = unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert f"<pre>{expected}</pre>" in page
     assert "0 of 4 trials finished, 1 failed, 3 missing" in page
+    assert "boom" in page
     printing = ["bash", "-c", f"printf '%s\\0' {expected}"]
     shown = subprocess.run(printing, capture_output=True, check=False)
     assert shown.stdout.split(b"\0")[:-1] == list(map(os.fsencode, words))
