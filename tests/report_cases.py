@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from benchmarks.report import films
-from benchmarks.report.page import write_report
+from benchmarks.report import films, write_report
 from benchmarks.setup.overrides import Overrides
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, trials_frame
+from benchmarks.trials import Trial
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished, WholeRun
-from benchmarks.trials.spec import Trial
 
 STEPS = 60
 

@@ -12,7 +12,7 @@ from benchmarks.setup.names import scenario
 from benchmarks.setup.overrides import Named
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
 from benchmarks.tables.panels import baseline_of
-from benchmarks.trials.spec import Method, Trial
+from benchmarks.trials import Method, Trial
 from benchmarks.trials.stage import Stage, key_of
 
 TRIAL = Trial(scenario="guided", localizer="mcl", params=(), lag=0, seed=0, trial=0)

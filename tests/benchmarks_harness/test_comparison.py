@@ -10,7 +10,7 @@ from report_cases import changed, finished, parsed, results, results_csv, table_
 from benchmarks.setup.overrides import Overrides
 from benchmarks.tables import stats
 from benchmarks.tables.panels import baseline_of, panels
-from benchmarks.trials.spec import Method
+from benchmarks.trials import Method
 
 
 def told(row, name):

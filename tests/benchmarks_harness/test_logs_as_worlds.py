@@ -14,8 +14,8 @@ import deqmcl_gym  # noqa: F401  # registers the envs
 from benchmarks.setup.logs import motion_noise, typical_steps
 from benchmarks.setup.names import make_agent, scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
+from benchmarks.trials import Trial
 from benchmarks.trials.episode import moments
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, key_of
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log, Scanner, Trajectory

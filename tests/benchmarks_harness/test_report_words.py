@@ -8,8 +8,8 @@ from report_cases import finished, lines_of, paired, panel_of, parsed, results, 
 
 from benchmarks.report import tables
 from benchmarks.report.verdict import conclusion, verdict_on
+from benchmarks.tables import file_words
 from benchmarks.tables.panels import panels
-from benchmarks.tables.text import file_words
 from benchmarks.trials.scoring import RecordedTrack
 
 ONE = (0,)

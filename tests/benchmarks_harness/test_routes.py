@@ -9,7 +9,7 @@ from refusals import refused
 
 from benchmarks.agents import OldRoute, OnRoute, ToGoal
 from benchmarks.setup.names import scenario
-from benchmarks.trials.spec import Trial
+from benchmarks.trials import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.logs.motion import dead_reckoned
 from deqmcl_gym.maps import Office

@@ -15,7 +15,7 @@ from benchmarks.setup.overrides import Named
 from benchmarks.setup.priors import Places
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.sweepfile import sweep_named
-from benchmarks.trials.spec import Trial
+from benchmarks.trials import Trial
 from benchmarks.trials.stage import Stage, key_of
 from deqmcl_gym import Driver
 from deqmcl_gym.maps.map import scaled

@@ -11,10 +11,9 @@ from refusals import refused
 
 from benchmarks import trials
 from benchmarks.setup.overrides import Named, Overrides, of_json
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps import Sweep
 from benchmarks.tables.panels import trial_words
-from benchmarks.trials import spec
-from benchmarks.trials.spec import Method, Trial
+from benchmarks.trials import Method, Trial
 
 PARAMS = {"lag": 20, "particles": 1000}
 TRIAL = Trial(scenario="paper", localizer="deq-mcl", params=PARAMS, lag=20, seed=0, trial=3)
@@ -100,7 +99,7 @@ RUN = """
 import sys
 import benchmarks.setup.logs, benchmarks.trials.tracks  # of trials on a log
 from benchmarks.trials.stage import attempt, key_of
-from benchmarks.trials.spec import Trial
+from benchmarks.trials import Trial
 from pathlib import Path
 executed = set()
 see = lambda frame, event, _: executed.add(frame.f_code.co_filename)
@@ -139,7 +138,7 @@ def seen():
 
 def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads(seen):
     loaded, _ = seen
-    covered = {p: modules(p) for p in spec.PACKAGES if p.startswith("benchmarks.")}
+    covered = {p: modules(p) for p in trials.PACKAGES if p.startswith("benchmarks.")}
     assert loaded <= set().union(*covered.values())
     for package in ("benchmarks.trials", "benchmarks.setup"):
         assert covered[package] <= loaded
@@ -147,7 +146,7 @@ def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads
 
 def test_the_digest_covers_every_file_that_a_trial_executes(seen):
     _, executed = seen
-    covered = {path for package in spec.PACKAGES for path, _ in spec._files(package)}
+    covered = {path for package in trials.PACKAGES for path, _ in trials._files(package)}
     assert len(executed) > 40
     assert executed <= covered
 
@@ -157,19 +156,19 @@ def digest_of(monkeypatch, tmp_path):
     """The digest of a world where each package has one file, given by package."""
 
     def digest(files):
-        for package in spec.PACKAGES:
+        for package in trials.PACKAGES:
             (tmp_path / f"{package}.py").write_text(files.get(package, ""))
-        spec.code_digest.cache_clear()
-        return spec.code_digest()
+        trials.code_digest.cache_clear()
+        return trials.code_digest()
 
-    monkeypatch.setattr(spec, "_files", lambda p: [(tmp_path / f"{p}.py", "part.py")])
+    monkeypatch.setattr(trials, "_files", lambda p: [(tmp_path / f"{p}.py", "part.py")])
     yield digest
-    spec.code_digest.cache_clear()
+    trials.code_digest.cache_clear()
 
 
 def test_the_digest_changes_with_any_file_that_a_trial_runs(digest_of):
-    digests = {digest_of({package: "changed"}) for package in spec.PACKAGES}
-    assert len(digests | {digest_of({})}) == len(spec.PACKAGES) + 1
+    digests = {digest_of({package: "changed"}) for package in trials.PACKAGES}
+    assert len(digests | {digest_of({})}) == len(trials.PACKAGES) + 1
 
 
 DOCUMENTED = '''
@@ -194,7 +193,7 @@ class C: 'another text'
     "other", ["x[:1]", "x[1:], y", "x[1.0:]", "x['1':]", "x[True:]", "x[b'1':]", "x[-1:]", "x[1]"]
 )
 def test_the_digest_is_of_what_code_does_whatever_its_words_and_layout(digest_of, other):
-    package = spec.PACKAGES[0]
+    package = trials.PACKAGES[0]
     same = digest_of({package: DOCUMENTED})
     assert digest_of({package: BARE}) == same
     assert digest_of({package: DOCUMENTED.replace("x[1:]", other)}) != same

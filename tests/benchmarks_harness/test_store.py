@@ -13,10 +13,9 @@ from deqmcl_command import files
 from refusals import refused
 from report_cases import changed, finished
 
-from benchmarks.files import own_folder, write_files
-from benchmarks.sweeps.store import Store, named, writing
+from benchmarks.sweeps.store import Store, named, own_folder, write_files, writing
+from benchmarks.trials import Trial
 from benchmarks.trials.scoring import TrialRecord
-from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import writable_folder, write_text
 
 TRIAL = Trial(scenario="paper", localizer="mcl", params=(), lag=20, seed=0, trial=0)

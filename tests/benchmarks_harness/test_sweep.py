@@ -11,15 +11,14 @@ from refusals import refused
 import localizers
 from benchmarks.console import FailedWarning
 from benchmarks.execution.engines import Where
-from benchmarks.report.page import write_report
+from benchmarks.report import write_report
 from benchmarks.setup.overrides import Named
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps import Sweep
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import Options, begun, run_missing
 from benchmarks.sweeps.store import writing
 from benchmarks.sweeps.sweepfile import paper_sweep
-from benchmarks.trials import stage
-from benchmarks.trials.spec import Method
+from benchmarks.trials import Method, stage
 from benchmarks.trials.stage import Stage, provenance_of
 
 CALLS = ("__init__", "reset", "update", "points")

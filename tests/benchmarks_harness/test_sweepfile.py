@@ -9,7 +9,7 @@ import pytest
 from refusals import refused
 
 from benchmarks.setup.overrides import Overrides
-from benchmarks.sweeps.design import MOST_TRIALS
+from benchmarks.sweeps import MOST_TRIALS
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.sweepfile import SUITES, read_sweep, sweep_named, with_localizers
 from benchmarks.tables.stats import least_worlds

@@ -11,7 +11,7 @@ import reference
 
 from benchmarks.studies import speed
 from benchmarks.studies.speed import RATIOS, Effort, Job, beside
-from deqmcl_gym.world.config import PAPER_ROOM
+from deqmcl_gym.world import PAPER_ROOM
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
 BOUNDS = {  # of ratios within one process, never a time; far from what we aim at

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 
 ROOM_ID = "deqmcl_gym:deqmcl_gym/Room-v0"

@@ -13,7 +13,7 @@ import deqmcl_gym  # noqa: F401
 from benchmarks import evaluate
 from deqmcl_gym.envs.acting import LocalizeEnv, Site, TrackEnv
 from deqmcl_gym.maps import Office
-from deqmcl_gym.world.config import PAPER_ROOM, Lidar, World
+from deqmcl_gym.world import PAPER_ROOM, Lidar, World
 from localizers import GaussianPrior, PointsBelief, UniformPrior
 
 MANY = QUICK | {"floor_plan": {"office": {**SMALL, "seeds": [10, 30]}}}

@@ -8,7 +8,7 @@ import pytest
 import reference
 from room_cases import SMALL, WORLD, infos_of
 
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.world.differences import BESIDE
 from deqmcl_gym.world.drawing import GLASS, MAPPED, PERSON

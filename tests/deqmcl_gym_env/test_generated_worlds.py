@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 from room_cases import ROOM_ID, STILL
 
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.validation import InputError
 
 quietly = settings(suppress_health_check=list(HealthCheck))

@@ -12,7 +12,7 @@ from refusals import refused
 
 import deqmcl_gym  # noqa: F401  # registers the environments
 from deqmcl_gym.maps import Lidar, Mount
-from localizers.inference.bayes_filter import checked_step
+from localizers.inference import checked_step
 
 BACK_TO_BACK = (Mount(x=5.0, y=2.0, heading=0.3), Mount(x=-6.0, y=-1.0, heading=math.pi))
 TWO = Lidar(beams=14, field_of_view=1.2 * math.pi, max_range=400.0, sigma=0.0, mounts=BACK_TO_BACK)

@@ -11,9 +11,9 @@ from room_cases import PAPER, ROOM_ID, SEVERAL, SPIKE, STILL, hall, wrapped
 from side_by_side import both, run_beside
 
 from deqmcl_gym import GridMap
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.world.config import SKIN
+from deqmcl_gym.world import SKIN
 
 # float64 coordinates below 500 px have ulps of 6e-14; a contact takes some dozen operations.
 EXACT = 1e-10

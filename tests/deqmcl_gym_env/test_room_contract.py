@@ -14,11 +14,11 @@ from room_cases import ROOM_ID, STILL, calm, hall
 
 import deqmcl_gym
 from deqmcl_gym import PRESETS
-from deqmcl_gym.envs.room import RoomEnv, RoomInfo
+from deqmcl_gym.envs import RoomEnv, RoomInfo
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import WORLDS as WORLDS_BY_NAME
+from deqmcl_gym.world import WORLDS as WORLDS_BY_NAME
 from deqmcl_gym.world.drawing import BLACK, GRAY, PALE, Drawing, View
 
 MAKE = 'assert gymnasium.make("deqmcl_gym/Room-v0").reset(seed=1)[1]["planned_count"] == 204'

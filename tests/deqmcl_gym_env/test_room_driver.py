@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from room_cases import STILL, infos_of, wrapped
 
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.wrappers import PlanChange
 from deqmcl_gym.logs.motion import dead_reckoned
 from deqmcl_gym.validation import InputError

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from room_cases import FLOOR_PLANS, calm, closing_error, drive, poses_of, wrapped
 
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 
 # The corridors are 100 px wide, so the mid-corridor path has the corners (50, 50), (300, 50),
 # (300, 250), (50, 250). From its bottom centre (175, 50): 125 px, 200, 250, 200, 125, in steps of

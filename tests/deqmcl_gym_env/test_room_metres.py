@@ -5,12 +5,12 @@ import pytest
 from room_cases import PAPER, SEVERAL
 
 import deqmcl_gym  # noqa: F401  # registers the envs
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import WORLDS, Driver, Lap
+from deqmcl_gym.world import WORLDS, Driver, Lap
 
 M = 0.02  # to the px
 CLOSE = 350 * 1e-5  # of the room's width, px

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from room_cases import calm, drive, wrapped
 
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 
 
 def episode(env: RoomEnv, seed: int | None, steps: int = 30) -> np.ndarray:

@@ -10,13 +10,13 @@ import pytest
 from refusals import refused
 from room_cases import PAPER, ROOM_ID, SMALL, WORLD, WRAPPED, calm, drive
 
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.belief import BeliefObservation
-from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap
 from deqmcl_gym.maps import Lidar, Office, PolygonMap
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Lap, MotionNoise, Robot, Start
+from deqmcl_gym.world import Lap, MotionNoise, Robot, Start
 from localizers import RobotModel, UniformPrior, make
 
 OUTER = PAPER["outer"]

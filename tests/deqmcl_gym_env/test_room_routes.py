@@ -14,8 +14,8 @@ from scipy.sparse.csgraph import dijkstra
 
 import localizers
 from deqmcl_gym import JOURNEY_ENV_ID as JOURNEY
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.belief import BeliefObservation
-from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import Kidnap
 from deqmcl_gym.maps import Office, PolygonMap
 from deqmcl_gym.validation import InputError

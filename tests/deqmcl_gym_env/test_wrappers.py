@@ -11,7 +11,7 @@ from refusals import refused
 from room_cases import ROOM_ID, SEVERAL, WRAPPED, calm, drive, poses_of, wrapped
 
 import deqmcl_gym  # noqa: F401  # registers the environments
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.wrappers import BeamDropout, Curriculum, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError
 

@@ -11,12 +11,11 @@ from urllib.parse import unquote
 import gymnasium as gym
 import pytest
 
-from deqmcl_gym import Office
+from deqmcl_gym import Office, world
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.log import LogEnv
-from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Mount
-from deqmcl_gym.world import config
-from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world import WORLDS
 from docs import tables, tables_of_code
 
 ROOT = Path(__file__).parents[2]
@@ -184,7 +183,7 @@ def test_every_id_has_a_row_with_its_steps():
 def test_the_arguments_of_a_room_are_those_of_its_signature_and_of_all_parts():
     parts = {name: getattr(WORLDS["paper"], name) for name in ("lidar", "robot", "noise")}
     parts |= {name: getattr(WORLDS["paper"], name) for name in ("start", "lap")}
-    parts |= {name: kind() for name, kind in config._OPTIONAL.items()}
+    parts |= {name: kind() for name, kind in world._OPTIONAL.items()}
     keys = {f"{name}.{own.name}" for name, part in parts.items() for own in fields(part)}
     given = set(inspect.signature(RoomEnv).parameters) - {"unknown"}
     asked = given - {"lidar", "robot", "noise", "start", "lap"}

@@ -9,7 +9,7 @@ from following import robot_of
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.world.config import PAPER_ROOM
+from deqmcl_gym.world import PAPER_ROOM
 
 STRATEGIES = [
     {},

@@ -9,7 +9,7 @@ import numpy as np
 import localizers
 from deqmcl_gym.maps import Lidar, Map
 from localizers import Prior, RobotModel
-from localizers.inference.bayes_filter import FilterLocalizer
+from localizers.inference import FilterLocalizer
 
 Drive, Noise = tuple[np.ndarray, np.ndarray], tuple[float, float, float]
 Beliefs = Sequence[localizers.Belief]

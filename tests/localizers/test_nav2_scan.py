@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
-from deqmcl_gym.world.config import Office
+from deqmcl_gym.world import Office
 from localizers.models import nav2_scan
 from localizers.models.nav2_scan import BeamCubes, LikelihoodField, LikelihoodFieldProb
 from localizers.models.scan import Scan

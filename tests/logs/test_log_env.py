@@ -20,8 +20,8 @@ from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.log import LogEnv
-from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.logs.motion import lengths_of
 from deqmcl_gym.maps import GridMap, PolygonMap

@@ -8,7 +8,7 @@ import pytest
 from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Office, PolygonMap
-from deqmcl_gym.world.config import WORLDS, offices_of
+from deqmcl_gym.world import WORLDS, offices_of
 
 OFFICE = Office(seed=3, wings=1)
 NAN = float("nan")

@@ -15,7 +15,7 @@ from refusals import refused
 
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world import WORLDS
 
 YAML = """image: {image}
 resolution: {resolution}

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
-from deqmcl_gym.world.config import PAPER_ROOM, WORLDS
+from deqmcl_gym.world import PAPER_ROOM, WORLDS
 from deqmcl_gym.world.course import Course
 
 # A U-shaped hall with a C-shaped, a triangular and a tilted obstacle; orientations mixed.

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.numerics import arrays, elementary
