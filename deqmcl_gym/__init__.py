@@ -17,7 +17,7 @@ from typing import Any
 
 from deqmcl_gym.maps import GridMap, Lidar, Office, PolygonMap
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world import Driver, Lap, MotionNoise, Robot, Route, Start
+from deqmcl_gym.world import WORLDS, Driver, Lap, MotionNoise, Robot, Route, Start
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.people import People
 
@@ -42,17 +42,8 @@ ABOUT = {  # what the ids are
     "Localize-v0": "lost in an office: find out where you are, and say so",
     "Track-v0": "reach a goal and know it, where scans cost",
 }
-PRESETS = "paper", "matched", "sharp", "guided"  # names of ``WORLDS``, whose maps run kernels
 # Twice the 204 steps of the planned lap in the paper's room (a test checks this)
 MAX_EPISODE_STEPS = 408
-_JOURNEY = {
-    "floor_plan": {"office": {}},
-    "lidar": {"beams": 16, "field_of_view": 2 * math.pi, "sigma": 0.5},  # m, as an office is
-    "route": {},
-    "driver": {},
-    "observation": "dict",
-    "horizon": 50,
-}
 _ROOM = "deqmcl_gym.envs:RoomEnv"
 
 
@@ -62,7 +53,7 @@ def register() -> None:
     if registry is None:
         sys.meta_path.insert(0, _WhenGymnasiumLoads())
         return
-    presets = {f"deqmcl_gym/{preset.title()}-v0": {"preset": preset} for preset in PRESETS}
+    presets = {f"deqmcl_gym/{preset.title()}-v0": {"preset": preset} for preset in WORLDS}
     for name, kwargs in {ENV_ID: {}, **presets}.items():
         registry.register(
             id=name,
@@ -75,7 +66,14 @@ def register() -> None:
         id=JOURNEY_ENV_ID,
         entry_point=_ROOM,
         vector_entry_point="deqmcl_gym.envs.vector:journeys",
-        kwargs=_JOURNEY,
+        kwargs={
+            "floor_plan": {"office": {}},
+            "lidar": {"beams": 16, "field_of_view": 2 * math.pi, "sigma": 0.5},  # m, as an office
+            "route": {},
+            "driver": {},
+            "observation": "dict",
+            "horizon": 50,
+        },
     )
     registry.register(id="deqmcl_gym/Log-v0", entry_point="deqmcl_gym.envs.log:LogEnv")
     for name, task in TASKS.items():

@@ -50,8 +50,6 @@ MOST_BYTES = 2**26  # far above any file of ours
 MOST_OF_LOGS = 2**30  # bytes, unpacked
 _DEEPEST = 20  # levels of a YAML file
 
-_BLOCK = 2**20  # bytes
-
 
 class UnreadableError(ValueError):
     """Why a file cannot be used: the rest of a sentence that begins with its name."""
@@ -100,7 +98,7 @@ def content_of(path: Path) -> bytes:
 def at_most(most: int, file: IO[bytes] | gzip.GzipFile) -> bytes:
     """Return the rest of a file, unpacked if ``file`` unpacks, of at most so many bytes."""
     parts, left = [], most + 1
-    while left and (part := file.read(min(left, _BLOCK))):
+    while left and (part := file.read(min(left, 2**20))):
         parts.append(part)
         left -= len(part)
     if not left:
@@ -198,7 +196,7 @@ def text_of(path: Path) -> str:
 
     Bytes that are not UTF-8 become U+FFFD, so that they damage their line only.
     """
-    with opened_log(path) as file:
+    with refusing(path), opened(path) as file:
         packed = at_most(MOST_OF_LOGS, file)
         if packed[:2] == b"\x1f\x8b":  # gzip
             try:
@@ -211,13 +209,6 @@ def text_of(path: Path) -> str:
     if b"\0" in packed[:4096]:
         raise InputError(f"{path} is binary, but must be text: check the ending of its name.")
     return packed.decode("utf-8-sig", errors="replace")
-
-
-@contextmanager
-def opened_log(path: Path) -> Iterator[io.BufferedReader]:
-    """Open a regular file that can be read, else refuse it."""
-    with refusing(path), opened(path) as file:
-        yield file
 
 
 def numbers_of(words: list[str]) -> list[float]:

@@ -242,12 +242,6 @@ def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
     return x, y, heading
 
 
-def actions(what: str, value: ArrayLike) -> Floats:
-    """Return actions (distance, turn), (k, 2), as a fresh array, else refuse; [] has none."""
-    none = isinstance(value, list | tuple) and not value
-    return array(what, np.empty((0, 2)) if none else value, (None, 2))
-
-
 def part(what: str, cls: type[T], value: T | Mapping[str, Any] | None, default: T) -> T:
     """Return a frozen dataclass, from an instance, a mapping of changes to ``default``, or None.
 

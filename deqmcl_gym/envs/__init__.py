@@ -176,7 +176,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""
-        return self._episode.stream(stream, twin)
+        return self._episode.begun.streams(stream, twin)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -266,7 +266,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     def picture(self, view: "View") -> "Drawing":
         """Draw what is there, without the robot, as in ``render``."""
-        return self._episode.picture(view)
+        return self._episode.begun.picture(view, self._episode.crowd)
 
     @property
     def _is_lap_ahead(self) -> bool:

@@ -93,8 +93,13 @@ class BeliefView:
         """Return the dict; ``rng`` draws the particles."""
         poses, weights = belief.points()
         best, second = two_clusters(poses, weights, unit=self._unit)
+        at = np.asarray(poses, np.float64)
+        sine, cosine = weights @ arrays.sin(at[:, 2]), weights @ arrays.cos(at[:, 2])
+        mean = np.array([*(weights @ at[:, :2]), float(arrays.arctan2(sine, cosine))])
+        off = at - mean
+        off[:, 2] = arrays.wrapped(off[:, 2])
         seen: dict[str, Any] = {
-            **self.moments(*_moments(poses, weights)),
+            **self.moments(mean, (weights[:, None] * off).T @ off),
             "best": best.mean,
             "best_share": [min(best.share, 1.0)],
             "second": second.mean,
@@ -123,18 +128,13 @@ class BeliefView:
             drawn[turned, 2] = arrays.wrapped(drawn[turned, 2])
             seen["particles"] = drawn
         if self._cell is not None:
-            seen["occupancy"] = self._occupancy(poses, weights, self._cell)
+            (rows, columns), (x0, y0, _, _) = self._grid, self._bounds
+            column, row = np.floor((np.asarray(poses)[:, :2].T - [[x0], [y0]]) / self._cell)
+            inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+            number_of = (row * columns + column)[inside].astype(np.intp)
+            counted = np.bincount(number_of, weights[inside], rows * columns)
+            seen["occupancy"] = np.minimum(counted, 1.0).reshape(rows, columns)
         return seen
-
-    def _occupancy(self, poses: Reals, weights: Floats, cell: float) -> Floats:
-        rows, columns = self._grid
-        x0, y0, _, _ = self._bounds
-        column, row = np.floor((np.asarray(poses)[:, :2].T - [[x0], [y0]]) / cell)
-        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        number_of = (row * columns + column)[inside].astype(np.intp)
-        counted = np.bincount(number_of, weights[inside], rows * columns)
-        image: Floats = np.minimum(counted, 1.0).reshape(rows, columns)
-        return image
 
 
 class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.RecordConstructorArgs):
@@ -256,14 +256,3 @@ def _entropy(variances: Floats) -> float:
 def _plan(info: dict[str, Any]) -> Reals:
     planned: Reals = info["planned_actions"][: info["planned_count"]].copy()
     return planned
-
-
-def _moments(poses: Reals, weights: Floats) -> tuple[Floats, Floats]:
-    """Return the mean pose and the covariance around it of weighted poses (n, 3)."""
-    at = np.asarray(poses, np.float64)
-    heading = at[:, 2]
-    sine, cosine = weights @ arrays.sin(heading), weights @ arrays.cos(heading)
-    mean = np.array([*(weights @ at[:, :2]), float(arrays.arctan2(sine, cosine))])
-    off = at - mean
-    off[:, 2] = arrays.wrapped(off[:, 2])
-    return mean, (weights[:, None] * off).T @ off

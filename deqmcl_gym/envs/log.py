@@ -30,8 +30,6 @@ from deqmcl_gym.world import WORLDS
 from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.rules import StepResult, check_options
 
-PLANS = ("odometry", "none")
-
 
 def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> logs.Log:
     """Return a log given as a ``Log`` or by its path, with its reference."""
@@ -246,7 +244,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         self.radius = usual if radius is None else number("radius", radius, low=0)
         self._segments = log_segments(self.log, segment)
         self._actions = self.log.increments.astype(np.float32)
-        self._shows = one_of("plan", plan, PLANS) == "odometry"
+        self._shows = one_of("plan", plan, ("odometry", "none")) == "odometry"
         most = np.maximum(np.abs(self._actions).max(axis=0), np.float32(1e-6))
         self.action_space = gym.spaces.Box(-most, most, dtype=np.float32)
         reach = self.lidar.max_range

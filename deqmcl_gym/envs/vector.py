@@ -209,10 +209,10 @@ class RoomVectorEnv(ManyEpisodes):
             gym.logger.warn('render() needs gym.make_vec(..., render_mode="rgb_array").')
             return None
         self._check_begun("render")
-        rooms, drawn = self._rooms, self._rules.picture
+        rooms, drawn, view = self._rooms, self._rules.picture, self._rules.view
         states = zip(self.courses, rooms.poses.tolist(), rooms.scans, rooms.steps, strict=True)
         return tuple(
-            drawn(rooms.picture(room), course, (x, y, heading), scan, int(step))
+            drawn(rooms.begun[room].picture(view, None), course, (x, y, heading), scan, int(step))
             for room, (course, (x, y, heading), scan, step) in enumerate(states)
         )
 

@@ -10,20 +10,7 @@ import numpy as np
 from deqmcl_gym.maps.grid_kernels import cast_cells, distances, enters_circle, first_contact
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.world.path_kernels import (
-    drive_along,
-    judged_step,
-    noisy_drive,
-    room_for_noise,
-    steer,
-)
-
-
-def sides(walls: Floats) -> Floats:
-    """Return walls (x₀, y₀, x₁, y₁) as (x₀, y₀, unit x, unit y, length), (S, 5)."""
-    along = walls[:, 2:] - walls[:, :2]
-    length = np.sqrt((along**2).sum(axis=1, keepdims=True))
-    return np.hstack([walls[:, :2], along / length, length])
+from deqmcl_gym.world.path_kernels import drive_along, judged_step, noisy_drive, steer
 
 
 class Robots(NamedTuple):
@@ -47,16 +34,6 @@ class CellRows(NamedTuple):
     frames: Floats  # of the maps, (s, 5)
     yaws: Floats  # of the maps, (s,)
     endless: Bools  # whether beams go on beyond the map's edge, (s,)
-
-
-class GroundRows(NamedTuple):
-    """What is there in n rooms: s maps, n or one for all."""
-
-    slots: Indices  # the map of each room, (n,)
-    sizes: Floats  # radius, skin and reach, as of ``World``, (s, 3)
-    walls: Floats  # as :func:`sides` has them, free space to their left, padded, (s, w, 5)
-    counts: Indices  # number of walls, (s,)
-    cells: Any  # :class:`CellRows`
 
 
 class Courses(NamedTuple):
@@ -169,9 +146,10 @@ def plan_rooms(
             count = drive_along(pose, arcs[i], progress[i], path, periods[i], rules, actions)
         else:
             grid, goal = _grid(cells, slots[i]), (goals[i, 0], goals[i, 1])
-            body = room_for_noise(pose, grid, sizes[slots[i], 0], clearance)
-            way, length = progress[i], lengths[i]
-            count = steer(pose, arcs[i], way, path, length, goal, rules, grid, body, actions)
+            way, length, size = progress[i], lengths[i], sizes[slots[i], 0]
+            count = steer(
+                pose, arcs[i], way, path, length, goal, rules, grid, size, clearance, actions
+            )
         count = min(count, horizon)
         shown[i, :count], shown[i, count:] = actions[:count], 0.0
         counts[i] = count

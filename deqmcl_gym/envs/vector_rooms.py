@@ -2,7 +2,7 @@
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +11,10 @@ from deqmcl_gym.maps import GridMap
 from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.world import Stream, World, episode_stream
-from deqmcl_gym.world.course import MAX_STEPS, Course
-from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan, Underway
+from deqmcl_gym.world.course import MAX_STEPS
+from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Underway
 from deqmcl_gym.world.episode import Beginning
 from deqmcl_gym.world.rules import RoomRules
-
-if TYPE_CHECKING:  # OpenCV is only loaded for pictures
-    from deqmcl_gym.world.drawing import Drawing
 
 
 class Rooms:
@@ -59,7 +56,10 @@ class Rooms:
         beams, steps = rules.world.lidar.beams, _steps(rules)
         rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
         numbers = 2 * rows[0] + beams * (rows[1] + 2) + 4 * rules.rows + 64
-        return 8 * numbers + (Grounds.bytes_each(rules.world) if _grounds_differ(rules) else 0)
+        if _grounds_differ(rules):
+            own = rules.world.floor_plan
+            numbers += own.occupancy.size if isinstance(own, GridMap) else 10 * len(own.walls)
+        return 8 * numbers
 
     def plans(self) -> tuple[Singles, Indices]:
         """Return the next h actions, zero-padded, fresh (n, h, 2), and their number, (n,)."""
@@ -79,7 +79,13 @@ class Rooms:
         for room, (begun, building), episode in zip(rooms.tolist(), drawn, episodes, strict=True):
             self.begun[room], self.buildings[room] = begun, building or 0
             self._grounds.put(room, begun.there.world)
-            self._put(room, begun.course, begun.plan)
+            path, plan, edges = begun.course.path, begun.plan, begun.course.path.edges
+            wider = wide(self.courses.edges, len(edges))
+            self.courses = courses = self.courses._replace(edges=wider)
+            courses.edges[room, : len(edges)], courses.counts[room] = edges, len(edges)
+            courses.periods[room], courses.lengths[room] = path.period, path.length
+            courses.goals[room], courses.limits[room] = path.corners[-1], plan.limit
+            courses.ends[room] = plan.rules[4] if isinstance(plan, GuidedPlan) else math.inf
             self.poses[room], self._robots.arcs[room] = begun.start, begun.arc
             self._robots.gaps[room] = self.progress[room] = 0.0
             self.steps[room] = 0
@@ -104,10 +110,6 @@ class Rooms:
             truncated |= (self._counts == 0) & ~terminated & ~resting
         return moved
 
-    def picture(self, room: int) -> "Drawing":
-        """Draw what is in a room, without its robot."""
-        return self.begun[room].picture(self._rules.view, None)
-
     def observe(self, rooms: Indices) -> None:
         """Take a scan in each of ``rooms``."""
         lidar, noise = self._rules.world.lidar, self._noise
@@ -118,16 +120,6 @@ class Rooms:
         limits = lidar.sigma, lidar.max_range
         kernels.report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
         lidar.lose(self.scans)
-
-    def _put(self, room: int, course: Course, plan: Plan) -> None:
-        """Let a room have a course."""
-        path, edges = course.path, course.path.edges
-        courses = self.courses
-        self.courses = courses = courses._replace(edges=wide(courses.edges, len(edges)))
-        courses.edges[room, : len(edges)], courses.counts[room] = edges, len(edges)
-        courses.periods[room], courses.lengths[room] = path.period, path.length
-        courses.goals[room], courses.limits[room] = path.corners[-1], plan.limit
-        courses.ends[room] = plan.rules[4] if isinstance(plan, GuidedPlan) else math.inf
 
     def _plan(self, rooms: Indices) -> None:
         """Note what is planned in each of ``rooms``."""
@@ -214,37 +206,28 @@ class Grounds:
         self.maps = [world.floor_plan] * rooms
         self._separate = own
         slots = rooms if own else 1
-        self.numbers = kernels.GroundRows(
-            slots=np.arange(rooms) if own else np.zeros(rooms, np.intp),
-            sizes=np.zeros((slots, 3)),
-            walls=np.empty((slots, 0, 5)),
-            counts=np.zeros(slots, np.intp),
-            cells=kernels.CellRows(
-                reach=np.empty((slots, 0), np.uint8),
-                up=np.empty((slots, 0), np.int16),
-                down=np.empty((slots, 0), np.int16),
-                sight=np.empty((slots, 0), np.uint8),
-                shapes=np.zeros((slots, 2), np.intp),
-                frames=np.ones((slots, 5)),
-                yaws=np.zeros(slots),
-                endless=np.zeros(slots, np.bool_),
-            ),
+        self._slots = np.arange(rooms) if own else np.zeros(rooms, np.intp)  # the map of each room
+        self._sizes = np.zeros((slots, 3))  # radius, skin and reach, as of ``World``
+        # x₀, y₀, unit x, unit y, length, free space to their left, padded
+        self._walls = np.empty((slots, 0, 5))
+        self._counts = np.zeros(slots, np.intp)  # of walls
+        self._cells = kernels.CellRows(
+            reach=np.empty((slots, 0), np.uint8),
+            up=np.empty((slots, 0), np.int16),
+            down=np.empty((slots, 0), np.int16),
+            sight=np.empty((slots, 0), np.uint8),
+            shapes=np.zeros((slots, 2), np.intp),
+            frames=np.ones((slots, 5)),
+            yaws=np.zeros(slots),
+            endless=np.zeros(slots, np.bool_),
         )
         for room in range(slots):
             self._fill(room, world)
 
     @property
     def kernel(self) -> tuple[Any, ...]:
-        """``numbers`` as plain tuples, as kernels take them."""
-        return tuple(self.numbers._replace(cells=tuple(self.numbers.cells)))
-
-    @staticmethod
-    def bytes_each(world: World) -> int:
-        """Approximate memory of a map of a room's own, rounded up."""
-        ground = world.floor_plan
-        if isinstance(ground, GridMap):
-            return 8 * ground.occupancy.size
-        return 80 * len(ground.walls)
+        """What kernels take of them, in plain tuples."""
+        return self._slots, self._sizes, self._walls, self._counts, tuple(self._cells)
 
     def put(self, room: int, world: World) -> None:
         """Put what is there in a world into a room."""
@@ -258,31 +241,25 @@ class Grounds:
         if not self._separate:
             return self.maps[0].cast
         if isinstance(self.maps[0], GridMap):
-            return partial(kernels.cast_in_rooms, tuple(self.numbers.cells), rooms)
+            return partial(kernels.cast_in_rooms, tuple(self._cells), rooms)
         return partial(_cast_in_each, [self.maps[room].cast for room in rooms.tolist()])
 
     def _fill(self, slot: int, world: World) -> None:
-        ground, numbers = world.floor_plan, self.numbers
-        numbers.sizes[slot] = world.body, world.skin, world.reach
-        if isinstance(ground, GridMap):
-            self._fill_cells(slot, ground)
+        ground = world.floor_plan
+        self._sizes[slot] = world.body, world.skin, world.reach
+        if not isinstance(ground, GridMap):
+            walls, count = ground.walls, len(ground.walls)
+            along = walls[:, 2:] - walls[:, :2]
+            length = np.sqrt((along**2).sum(axis=1, keepdims=True))
+            self._walls, self._counts[slot] = wide(self._walls, count), count
+            self._walls[slot, :count] = np.hstack([walls[:, :2], along / length, length])
             return
-        sides = kernels.sides(ground.walls)
-        self.numbers = numbers = numbers._replace(walls=wide(numbers.walls, len(sides)))
-        numbers.walls[slot, : len(sides)], numbers.counts[slot] = sides, len(sides)
-
-    def _fill_cells(self, slot: int, ground: GridMap) -> None:
-        reach, up, down, frame = ground.cells
-        sight, endless = ground.sight
-        size, cells = reach.size, self.numbers.cells
-        cells = cells._replace(
-            reach=wide(cells.reach, size), up=wide(cells.up, size),
-            down=wide(cells.down, size), sight=wide(cells.sight, size),
-        )  # fmt: skip
-        self.numbers = self.numbers._replace(cells=cells)
-        for values, row in ((reach, cells.reach), (up, cells.up), (down, cells.down)):
-            row[slot, :size] = values.reshape(-1)
-        cells.sight[slot, :size] = sight.reshape(-1)
+        (reach, up, down, frame), (sight, endless) = ground.cells, ground.sight
+        for name, table in {"reach": reach, "up": up, "down": down, "sight": sight}.items():
+            rows = wide(getattr(self._cells, name), table.size)
+            rows[slot, : table.size] = table.reshape(-1)
+            self._cells = self._cells._replace(**{name: rows})
+        cells = self._cells
         cells.shapes[slot], cells.frames[slot] = reach.shape, frame
         cells.yaws[slot], cells.endless[slot] = ground.origin[2], endless
 

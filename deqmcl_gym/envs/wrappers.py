@@ -10,7 +10,6 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces.utils import is_space_dtype_shape_equiv
 from numpy.typing import ArrayLike
 
-from deqmcl_gym import validation
 from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
@@ -127,9 +126,8 @@ class PlanChange(_Once):
     what = "the change of plan"
 
     def __init__(self, env: gym.Env[Singles, Singles], step: int, actions: ArrayLike) -> None:
-        plan = validation.actions("actions", actions)
-        super().__init__(env, step, actions=plan.tolist())
-        self._actions = self.room.checked_plan("actions", plan)
+        self._actions = room_of(env).checked_plan("actions", actions)
+        super().__init__(env, step, actions=np.asarray(actions, np.float64).tolist())
 
     def happen(self) -> None:
         """Change the plan."""

@@ -22,12 +22,11 @@ from dataclasses import replace
 from inspect import signature
 from os import PathLike
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.files import MOST_OF_LOGS, UnreadableError, numbers_of, opened_log, save, text_of
+from deqmcl_gym.files import MOST_OF_LOGS, numbers_of, opened, refusing, save, text_of
 from deqmcl_gym.logs import carmen, ros
 from deqmcl_gym.logs.log import Log, Record, Scanner
 from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecord, RawRecords
@@ -72,12 +71,13 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
 def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
     """Read a log from npz; see ``read_csv``."""
     try:
-        with opened_log(path) as file, np.load(file, allow_pickle=False) as archive:
+        with refusing(path), opened(path) as file, np.load(file, allow_pickle=False) as archive:
             names = archive.files
             wanted = [name for name in _ARRAYS if name in names]
             if sum(archive.zip.getinfo(f"{name}.npy").file_size for name in wanted) > MOST_OF_LOGS:
-                raise UnreadableError(
-                    f"is larger than {MOST_OF_LOGS:,} bytes, the most that is read"
+                raise InputError(
+                    f"{path} is larger than {MOST_OF_LOGS:,} bytes, the most that is read: give "
+                    "another file."
                 )
             data = {name: archive[name] for name in wanted}
     except InputError:
@@ -177,12 +177,11 @@ def _log_of(records: RawRecords, text: str | None, unit: str | None, given: Scan
 
 
 _TEXT = (".log", ".clf", ".carmen", ".txt")
-_READERS: Mapping[str, Callable[..., Log]] = MappingProxyType(
-    dict.fromkeys(_TEXT, carmen.read_carmen)
-    | {".csv": read_csv, ".npz": read_npz}
-    | dict.fromkeys(("", ".bag", ".mcap", ".db3"), ros.read_bag)
-)
-_WRITERS = MappingProxyType({".csv": write_csv, ".npz": write_npz})
+_READERS: Mapping[str, Callable[..., Log]] = {
+    ".csv": read_csv, ".npz": read_npz, **dict.fromkeys(_TEXT, carmen.read_carmen),
+    **dict.fromkeys(("", ".bag", ".mcap", ".db3"), ros.read_bag),
+}  # fmt: skip
+_WRITERS = {".csv": write_csv, ".npz": write_npz}
 
 
 def read(
@@ -237,26 +236,21 @@ def read(
         field_of_view: of the scanner of a CARMEN log's FLASER lines, rad; None: as PARAM lines say,
             or π, as of a SICK LMS.
     """
+    # all arguments that were given; first of all, as there is no other local name yet
+    asked = {name: value for name, value in locals().items() if value is not None}
     paths: Sequence[Any] = path if isinstance(path, list | tuple) and path else [path]
     if not all(isinstance(part, str | PathLike) for part in paths):
         raise InputError(f"the log is {shown(path)}, but must be the path of a file, or several.")
     files = [Path(part) for part in paths]
     reader = _reader_of(files)
-    options: dict[str, Any] = {
-        "scanner": scanner, "scan_topic": scan_topic, "max_apart": max_apart,
-        "odometry_topic": odometry_topic, "odometry_frame": odometry_frame,
-        "odometry_publisher": odometry_publisher, "reference_topic": reference_topic,
-        "base_frame": base_frame, "field_of_view": field_of_view,
-    }  # fmt: skip
-    arguments = {name: value for name, value in options.items() if value is not None}
     if max_gap is not None:
         number("max_gap", max_gap, low=0, finite=False)
-    of_reference = {"max_gap": max_gap, "reference_tolerance": reference_tolerance}
-    if reference is None:
-        arguments |= {name: value for name, value in of_reference.items() if value is not None}
-    taken = signature(reader).parameters
-    if "max_range" in taken:
-        arguments["max_range"] = max_range
+    taken, own = signature(reader).parameters, {"path", "reference", "min_range", "mounting"}
+    if reference is not None:
+        own |= {"max_gap", "reference_tolerance"}
+    if "max_range" not in taken:
+        own.add("max_range")
+    arguments = {name: value for name, value in asked.items() if name not in own}
     for name in arguments:
         if name not in taken:
             raise InputError(

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.files import opened_log
+from deqmcl_gym.files import opened, refusing
 from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.logs.odometry import JudgedOdometry
 from deqmcl_gym.logs.transforms import (
@@ -146,7 +146,7 @@ def _reader(path: Path) -> Any:
     if path.is_dir() and not (path / "metadata.yaml").exists():
         raise InputError(f"{path} has no metadata.yaml: give the .mcap or .db3 files in it.")
     if not path.is_dir():
-        with opened_log(path):  # refuses a pipe, which rosbags would wait for
+        with refusing(path), opened(path):  # refuses a pipe, which rosbags would wait for
             pass
     return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
 

@@ -95,8 +95,7 @@ class _Messages:
     def records(self, kind: str, field_of_view: float | None) -> RawRecords:
         """Return the records of a kind of scan, with all that other messages say of them."""
         records = self.scans[kind]
-        if self.unreadable:
-            records.damage[UNREADABLE] += self.unreadable
+        records.damage += Counter({UNREADABLE: self.unreadable})
         if _OURS in self.params:
             records.records = [record._replace(fan=None) for record in records.records]
         elif kind == "RAWLASER1":

@@ -30,7 +30,6 @@ _RECENT = 101  # messages that say which period is usual
 _ALTERNATIONS = 10  # steps there and back, faster than a robot, that tell two publishers
 _APART = 2.5  # px (0.05 m): of such a step at least
 _ORIGIN = 0.1  # of the slack: how near to (0, 0, 0) a driver begins
-_NOTHING = np.zeros((1, 3))
 
 Limit = tuple[float, float]  # of a length and of an angle
 
@@ -235,9 +234,9 @@ def times_words(count: int) -> str:
     return "once" if count == 1 else f"{count:,} times"
 
 
-def frame_of(there: Pose, raw: Pose) -> Pose:
+def frame_of(there: Pose | Floats, raw: Pose | Floats) -> Pose:
     """Return the frame in which the odometry reading ``raw`` is the pose ``there``."""
-    return one_pose(composed(np.array([there]), relative(np.array([raw]), _NOTHING)))
+    return one_pose(composed(np.array([there]), relative(np.array([raw]), np.zeros((1, 3)))))
 
 
 def jumps_in(times: Floats, poses: Floats, unit: str) -> Bools:
@@ -251,8 +250,8 @@ def without_jumps(times: Floats, poses: Floats, unit: str) -> tuple[Floats, int]
     jumped = jumps_in(times, poses, unit)
     judged = poses.copy()
     for at in np.flatnonzero(jumped) + 1:  # from here on in the frame before
-        frame = np.array([frame_of(one_pose(judged[at - 1 : at]), one_pose(poses[at : at + 1]))])
-        judged[at:] = composed(frame.repeat(len(poses) - at, axis=0), poses[at:])
+        frame = frame_of(judged[at - 1], poses[at])
+        judged[at:] = composed(np.full_like(poses[at:], frame), poses[at:])
     return judged, int(jumped.sum())
 
 

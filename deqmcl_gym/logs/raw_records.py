@@ -14,7 +14,7 @@ import numpy as np
 
 from deqmcl_gym.logs import odometry, scans
 from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
-from deqmcl_gym.logs.motion import nearest_in_time, relative
+from deqmcl_gym.logs.motion import composed, nearest_in_time, relative
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
 from deqmcl_gym.validation import LARGEST, InputError, tell
 
@@ -85,8 +85,7 @@ class RawRecords:
             (NOT_FINITE, lambda r: all(abs(number) <= LARGEST for number in (r.time, *r.odometry))),
         ):
             left = [record for record in records if passes(record)]
-            if len(left) < len(records):
-                self.damage[reason] += len(records) - len(left)
+            self.damage += Counter({reason: len(records) - len(left)})  # none if there are none
             records = left
         times = np.array([record.time for record in records])
         if not self.judged:
@@ -102,8 +101,18 @@ class RawRecords:
         if not self.judged:
             poses, jumps = odometry.without_jumps(times, poses, unit)
             remarks += odometry.remarks_of(resets, jumps)
+        fans = [record.fan for record in records if record.fan is not None]
+        rows = [record.ranges for record in records]
+        varying: str | None = None
         try:
-            scanner, ranges, varying = _seen(records, frame, scanner_of)
+            if fans:
+                beams, usual = scans.usual_fan(list(map(len, rows)), fans)
+                scanner = scanner_of(beams, frame, usual)
+                most = scanner.max_range
+                ranges, varying = scans.at_usual_bearings(rows, fans, beams, usual, most)
+            else:
+                scanner = scanner_of(len(rows[0]), frame, None)
+                ranges = scanner.measured(np.array(rows))
         except InputError as error:
             self._tell(remarks)
             raise InputError(f"{self.source}: {error}") from None
@@ -138,22 +147,6 @@ class RawRecords:
         if bad := references - sound:
             self._tell([f"{bad:,} reference poses left out: not finite or beyond {LARGEST:g}"])
         return poses if sound else None
-
-
-def _seen(
-    records: Sequence[RawRecord],
-    frame: str,
-    scanner_of: Callable[[int, str, scans.Fan | None], Scanner],
-) -> tuple[Scanner, Singles, str | None]:
-    """Return the scanner, its ranges, (n, beams), and what is to be told of varying scans."""
-    ranges = [record.ranges for record in records]
-    fans = [record.fan for record in records if record.fan is not None]
-    if not fans:
-        scanner = scanner_of(len(ranges[0]), frame, None)
-        return scanner, scanner.measured(np.array(ranges)), None
-    beams, usual = scans.usual_fan(list(map(len, ranges)), fans)
-    scanner = scanner_of(beams, frame, usual)
-    return scanner, *scans.at_usual_bearings(ranges, fans, beams, usual, scanner.max_range)
 
 
 def warn_of_few(log: Log, reference: str) -> None:
@@ -212,8 +205,8 @@ def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float) -> L
     base, unpaired = scanned[slowest], Counter[str]()
     partner = {topic: _partners(base, log, max_apart) for topic, log in scanned.items()}
     for topic, rows in partner.items():
-        if lost := int((rows < 0).sum()):
-            unpaired[f"without a scan of {topic} within {max_apart:g} s"] += lost
+        reason = f"without a scan of {topic} within {max_apart:g} s"
+        unpaired += Counter({reason: int((rows < 0).sum())})
     whole = np.all([rows >= 0 for rows in partner.values()], axis=0)
     if not whole.any():
         raise InputError(
@@ -271,9 +264,8 @@ def _moved(log: Log, chosen: Indices, poses: Floats) -> Singles:
     row, beam = np.nonzero(np.isfinite(ranges[driven]))
     far = ranges[driven[row], beam].astype(np.float64)
     x, y = ahead + far * arrays.cos(bearings[beam]), left + far * arrays.sin(bearings[beam])
-    dx, dy, turn = moves[driven[row]].T
-    cosine, sine = arrays.cos(turn), arrays.sin(turn)
-    x, y = dx + cosine * x - sine * y - ahead, dy + sine * x + cosine * y - left
+    points = composed(moves[driven[row]], np.column_stack([x, y, np.zeros(x.size)]))
+    x, y = points[:, 0] - ahead, points[:, 1] - left
     angle = np.asarray(arrays.arctan2(y, x)) - first
     seen = np.floor(np.mod(angle / step + 0.5, 2 * math.pi / abs(step))).astype(int)
     inside = seen < scanner.beams

@@ -154,8 +154,7 @@ def sound_poses(
 ) -> Trajectory:
     """Return the trajectory of the sound rows t, x, y, θ, (n, 4), in order; tell of the others."""
     sound = raw_records.usable(rows)
-    if not sound.all():
-        damage[raw_records.NOT_FINITE] += int((~sound).sum())
+    damage += Counter({raw_records.NOT_FINITE: int((~sound).sum())})
     indices = np.flatnonzero(sound)
     if not indices.size:
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""

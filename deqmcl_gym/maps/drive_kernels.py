@@ -54,19 +54,6 @@ def drive(poses: Singles, moves: Singles, out: Singles) -> None:
 
 
 @compiled
-def mounted(poses: Singles, ahead: float, aside: float, out: Singles) -> None:
-    """Fill in the poses of a sensor, (x, y) + R(θ) (ahead, aside) and θ, of robots at ``poses``."""
-    x, y, heading = poses[0], poses[1], poses[2]
-    forward, left = np.float32(ahead), np.float32(aside)
-    sincos32(heading, out[1], out[0])
-    for i in range(x.size):
-        cosine, sine = out[0, i], out[1, i]
-        out[0, i] = x[i] + (forward * cosine - left * sine)
-        out[1, i] = y[i] + (forward * sine + left * cosine)
-        out[2, i] = heading[i]
-
-
-@compiled
 def wind(poses: Reals, walls: Reals, out: Ints) -> None:
     """Fill in the winding number of the walls around each point, (n,)."""
     x, y = poses[0], poses[1]
@@ -245,8 +232,7 @@ def feasible(
         late, owners = np.empty((4, count), np.float32), np.empty(count, np.int32)
         _put_off(starts, ends, chosen[:count], 0, late, owners, 0)
         _look_closely(late, owners, count, walls, radius, hits)
-    for i in range(n):
-        out[i] = hits[i] == 0
+    out[:] = hits == 0
 
 
 @compiled

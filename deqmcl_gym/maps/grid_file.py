@@ -18,7 +18,6 @@ from deqmcl_gym.validation import InputError, number, one_of
 Occupancy = NDArray[np.int8]
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
-MODES = ("trinary", "scale", "raw")
 _KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 _WHITE, _GREY, _BLACK = 254, 205, 0  # of map_saver: free, unknown, occupied
 _KEPT = 8  # maps remembered
@@ -130,7 +129,7 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     check_thresholds(numbers["free_thresh"], numbers["occupied_thresh"])
     return {
         "image": given["image"],
-        "mode": one_of("mode", given.get("mode", "trinary"), MODES),
+        "mode": one_of("mode", given.get("mode", "trinary"), ("trinary", "scale", "raw")),
         "negate": bool(negate),
         "origin": [as_number(part) for part in origin],
         **numbers,

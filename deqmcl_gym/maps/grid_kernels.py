@@ -164,8 +164,7 @@ def feasible_in_cells(
     find(ends, reach, frame, there[0], there[1], next_near)
     hits = np.zeros(n, np.int32)
     _count(here, near, there, next_near, radius / frame[4], reach, hits)
-    for i in range(n):
-        out[i] = hits[i] == 0
+    out[:] = hits == 0
 
 
 @compiled
@@ -176,20 +175,17 @@ def collisions_along_in_cells(
     n, size = poses.shape[1], radius / frame[4]
     hits[:] = 0
     for start in range(0, n, POSE_BLOCK):
-        end = min(start + POSE_BLOCK, n)
-        rows, points = (
-            np.empty((4, end - start), np.float32),
-            np.empty((2, end - start), np.float32),
-        )
-        here, there = np.empty((2, end - start)), np.empty((2, end - start))
-        near, next_near = np.empty(end - start, np.int16), np.empty(end - start, np.int16)
-        directed(poses[:, start:end].copy(), rows)
+        count = min(POSE_BLOCK, n - start)
+        rows, points = np.empty((4, count), np.float32), np.empty((2, count), np.float32)
+        here, there = np.empty((2, count)), np.empty((2, count))
+        near, next_near = np.empty(count, np.int16), np.empty(count, np.int16)
+        directed(poses[:, start : start + count].copy(), rows)
         put(rows, path[0], points)
         find(points, reach, frame, here[0], here[1], near)
         for place in path[1:]:
             put(rows, place, points)
             find(points, reach, frame, there[0], there[1], next_near)
-            _count(here, near, there, next_near, size, reach, hits[start:end])
+            _count(here, near, there, next_near, size, reach, hits[start : start + count])
             here, there, near, next_near = there, here, next_near, near
 
 

@@ -296,15 +296,15 @@ def _faces_of(solid: Bools) -> Floats:
     """
     open_ = np.pad(~solid, 1).astype(np.int8)
     level, upright = np.diff(open_, axis=0)[:, 1:-1], -np.diff(open_, axis=1)[1:-1].T
-    row, x0, x1 = _runs(level)  # to the right where open cells are above, else to the left
-    column, y0, y1 = _runs(upright)  # up where open cells are to the left, else down
+    row, x0, x1 = runs_of(level)  # to the right where open cells are above, else to the left
+    column, y0, y1 = runs_of(upright)  # up where open cells are to the left, else down
     faces = np.vstack(
         [np.column_stack([x0, row, x1, row]), np.column_stack([column, y0, column, y1])]
     )
     return faces.astype(np.float64)
 
 
-def _runs(lines: Any) -> tuple[Indices, Indices, Indices]:
+def runs_of(lines: Any) -> tuple[Indices, Indices, Indices]:
     """Return line, start and end of all runs of +1, and of those of -1, from their ends, (n,)."""
     padded = np.pad(lines, ((0, 0), (1, 1)))
     line, place = np.nonzero(np.diff(padded, axis=1))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps.drive_kernels import mounted
+from deqmcl_gym.maps.drive_kernels import directed, put
 from deqmcl_gym.maps.map import LENGTH, Caster, Map
 from deqmcl_gym.numerics import Bools, Floats, Point, Singles, arrays
 from deqmcl_gym.numerics.elementary import cos64, sin64
@@ -165,7 +165,7 @@ class Lidar:
     @cached_property
     def blind(self) -> Bools:
         """Which beams lie in a blind sector of their mount, (beams,)."""
-        hidden, bearings = np.zeros(self.beams, np.bool_), self._bearings
+        hidden, bearings = np.zeros(self.beams, np.bool_), self.bearings
         for mount, rows in zip(self.mounts, self.rows, strict=False):
             hidden[rows] = mount.hides(bearings[rows])
         return hidden
@@ -193,8 +193,10 @@ class Lidar:
             size = rows.stop - rows.start if used is None else int(np.count_nonzero(used[rows]))
             starts = poses
             if place != CENTRE:
-                starts = np.empty(poses.shape, np.float32)
-                mounted(np.ascontiguousarray(poses, np.float32), *place, starts)
+                starts = np.array(poses, np.float32, order="C")
+                robots = np.empty((4, poses.shape[1]), np.float32)
+                directed(starts, robots)
+                put(robots, np.array(place, np.float32), starts)
             fans.append((starts, slice(end, end + size)))
             end += size
         return fans
@@ -218,7 +220,7 @@ class Lidar:
         ``used`` says which b of the beams are cast; None: all. ∞ where there is no wall, NaN where
         a ray starts outside.
         """
-        bearings = self._bearings if used is None else self._bearings[used]
+        bearings = self.bearings if used is None else self.bearings[used]
         seen = [
             floor_plan.ranges(origins.T, bearings[rows]) for origins, rows in self.fans(poses, used)
         ]
@@ -232,16 +234,12 @@ class Lidar:
         for (ahead, aside), rows in zip(self.places, self.rows, strict=True):
             out[rows, 0] = x + (ahead * cosine - aside * sine)
             out[rows, 1] = y + (ahead * sine + aside * cosine)
-        out[:, 2] = heading + self._bearings
+        out[:, 2] = heading + self.bearings
         return out
 
     @cached_property
-    def _bearings(self) -> Floats:
-        return self.bearings  # a log's scanner has its own
-
-    @cached_property
     def _singles(self) -> Singles:
-        return self._bearings.astype(np.float32)
+        return self.bearings.astype(np.float32)
 
 
 def _fan(beams: int, field_of_view: float) -> Floats:

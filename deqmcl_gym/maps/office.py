@@ -15,7 +15,6 @@ _WALL = 2  # cells
 _MARGIN = 3  # cells between a door and the corner of its room
 _PILLAR, _PITCH = 5, 30  # cells: the side of a hall's pillar, and from one to the next
 _DEEPEST, _LONGEST = 60, 240  # cells: the most of a room and of a wing
-_KEPT = 8  # buildings remembered
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +95,7 @@ class Offices:
         return 0.0, 0.0, width * CELL, (rooms + office.corridors * way) * CELL
 
 
-@lru_cache(_KEPT)
+@lru_cache(8)
 def _grid(office: Office) -> GridMap:
     free = _building(office, np.random.default_rng(office.seed))
     return GridMap(occupancy=np.where(free, FREE, OCCUPIED).astype(np.int8), resolution=CELL)

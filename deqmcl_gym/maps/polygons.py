@@ -40,8 +40,8 @@ def _first_touching(edges: Floats, within: float) -> tuple[int, int] | None:
         others = edges[first + 2 : len(edges) - (first == 0)]
         sides = [_sides(edge, others[:, :2]) * _sides(edge, others[:, 2:])]
         sides.append(_sides(others, edge[:2]) * _sides(others, edge[2:]))
-        near = [_squares(edge, others[:, :2]), _squares(edge, others[:, 2:])]
-        near += [_squares(others, edge[:2]), _squares(others, edge[2:])]
+        near = [square_distances(edge, others[:, :2]), square_distances(edge, others[:, 2:])]
+        near += [square_distances(others, edge[:2]), square_distances(others, edge[2:])]
         touching = (np.max(sides, axis=0) < 0.0) | (np.min(near, axis=0) <= within * within)
         if touching.any():
             return first, first + 2 + int(touching.argmax())
@@ -56,7 +56,7 @@ def _sides(edges: Floats, points: Floats) -> Floats:
     return sides  # a product of two areas may underflow
 
 
-def _squares(edges: Floats, points: Floats) -> Floats:
+def square_distances(edges: Floats, points: Floats) -> Floats:
     """Squared distances between edges (…, 4) and points (…, 2)."""
     along, off = edges[..., 2:] - edges[..., :2], points - edges[..., :2]
     share = np.clip((off * along).sum(axis=-1) / (along**2).sum(axis=-1), 0.0, 1.0)
@@ -85,19 +85,14 @@ def parse_polygon(
             f"{farthest:g} are too coarse: move the floor plan towards (0, 0)."
         )
     edges = edges_of(corners)
-    lengths = np.sqrt(((edges[:, 2:] - edges[:, :2]) ** 2).sum(axis=1))
+    along = edges[:, 2:] - edges[:, :2]
+    lengths = np.sqrt((along**2).sum(axis=1))
     if (short := np.flatnonzero(lengths < shortest)).size:
         raise InputError(
             f"{name} has an edge of zero length at {_point(corners[short[0]])}: name each corner "
             "once; the last corner is joined to the first by itself."
         )
-    _check_simple(name, edges, shortest)
-    return tuple((x, y) for x, y in corners.tolist())
-
-
-def _check_simple(name: str, edges: Floats, shortest: float) -> None:
-    along, after = edges[:, 2:] - edges[:, :2], np.roll(edges[:, 2:] - edges[:, :2], -1, axis=0)
-    longer = np.sqrt(np.maximum((along**2).sum(axis=1), (after**2).sum(axis=1)))
+    after, longer = np.roll(along, -1, axis=0), np.maximum(lengths, np.roll(lengths, -1))
     across = np.abs(along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0])
     # how far the far end of the shorter edge is from the longer one
     folds = ((along * after).sum(axis=1) < 0.0) & (across < shortest * longer)
@@ -114,6 +109,7 @@ def _check_simple(name: str, edges: Floats, shortest: float) -> None:
             f"{_point(edges[first, :2])} and {_point(edges[second, :2])}: give its corners in "
             f"order around it, edges {shortest:g} apart, or two polygons."
         )
+    return tuple((x, y) for x, y in corners.tolist())
 
 
 def _has_free_space(walls: Floats, bounds: Box, least: float) -> bool:
@@ -287,11 +283,8 @@ def read_polygons(path: str | os.PathLike[str]) -> PolygonMap:
         raise InputError(f"the map {path}: {error}") from None
 
 
-def of_mapping(given: Any) -> PolygonMap:
+def of_mapping(given: Mapping[str, Any]) -> PolygonMap:
     """Return the map that a mapping describes."""
-    if not isinstance(given, Mapping):
-        kind = type(given).__name__
-        raise InputError(f"it is a {kind}, but must be a mapping of {', '.join(KEYS)}.")
     for key in given:
         one_of("key in floor_plan", key, (*KEYS, "file", "office"))
     return PolygonMap(**{"outer": None, **given})

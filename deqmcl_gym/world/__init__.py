@@ -334,13 +334,17 @@ class World:
         factor = pixel(floor_plan.unit) / self.pixel
         world = replace(self if factor == 1 else scaled(self, factor), floor_plan=floor_plan)
         changes: dict[str, Any] = {}
-        for name, kind in _OPTIONAL.items():
-            if name in new_parts:
-                default = getattr(world, name) or scaled(kind(), world.pixel)
-                changes[name] = _optional(name, new_parts.pop(name), default)
         for name, value in new_parts.items():
-            old = getattr(world, name)
-            changes[name] = part(name, type(old), value, old)
+            default = getattr(world, name) or scaled(_OPTIONAL[name](), world.pixel)
+            if name not in _OPTIONAL or not isinstance(value, str):
+                changes[name] = part(name, type(default), value, default)
+            elif value == "none":
+                changes[name] = None
+            else:
+                raise InputError(
+                    f"{name} is {value!r}, but must be a {type(default).__name__}, a mapping of "
+                    f'changes to it, or "none" for no {name}.'
+                )
         return replace(world, **changes)
 
 
@@ -348,17 +352,6 @@ _OPTIONAL: Mapping[str, Any] = {
     "driver": Driver, "route": Route,
     "clutter": Clutter, "changed_walls": ChangedWalls, "people": People, "glass": Glass,
 }  # fmt: skip
-
-
-def _optional(name: str, given: Any, default: Any) -> Any:
-    if not isinstance(given, str):
-        return part(name, type(default), given, default)
-    if given == "none":
-        return None
-    raise InputError(
-        f"{name} is {given!r}, but must be a {type(default).__name__}, a mapping of changes to it, "
-        f'or "none" for no {name}.'
-    )
 
 
 PAPER_ROOM = PolygonMap(

@@ -1,7 +1,6 @@
 """Course: the planned path, a lap or a route to a goal, its arc lengths and its actions."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -56,15 +55,6 @@ class Path:
         """Signed distance along the path between two arc lengths, the shorter way round."""
         return path_kernels.shorter(after - before, self.period)
 
-    def follow(self, start: Point, end: Point, before: float) -> tuple[float, float]:
-        """Return arc length and progress of a drive that began at ``before``; see the kernel."""
-        return path_kernels.follow(*start, *end, before, self.edges, self.period)
-
-    def bottom_centre(self) -> float:
-        """Return the arc length of the middle of the lowest edge."""
-        _, y, _, dy, length, before = self.edges.T
-        return float((before + length / 2)[(y + dy / 2).argmin()])
-
     def corners_from(self, arc: float) -> Floats:
         """Return the points to drive to from an arc length: once around, or to the end."""
         entry = np.array(self.at(arc)[:2])
@@ -106,13 +96,24 @@ class Course:
     @classmethod
     def of(cls, world: World) -> "Course":
         """Plan the lap of a world."""
-        path = path_of(world)
-        pose = world.start.pose
-        arc = path.bottom_centre() if pose is None else path.arc(pose[:2])
+        waypoints, pose, body = world.lap.waypoints, world.start.pose, world.body
+        corners = mid_corridor(world.floor_plan) if waypoints is None else np.array(waypoints)
+        path, ends = Path(corners), np.roll(corners, -1, axis=0)
+        blocked = world.floor_plan.collides(corners, ends, body)
+        if blocked.any():
+            (x0, y0), (x1, y1) = corners[blocked.argmax()], ends[blocked.argmax()]
+            raise InputError(
+                f"the lap touches a wall between ({x0:g}, {y0:g}) and ({x1:g}, {y1:g}) for a robot "
+                f"of radius {world.robot.radius:g} {world.floor_plan.unit}: give a smaller robot "
+                "or other lap.waypoints."
+            )
+        _, y, _, dy, length, before = path.edges.T
+        lowest = float((before + length / 2)[(y + dy / 2).argmin()])  # the middle of an edge
+        arc = lowest if pose is None else path.arc(pose[:2])
         start = path.at(arc) if pose is None else pose
         check_free("start.pose", start, world)
         x, y, _ = path.at(arc)
-        if world.floor_plan.collides([start], [(x, y)], world.body)[0]:
+        if world.floor_plan.collides([start], [(x, y)], body)[0]:
             raise InputError(
                 f"the straight line from start.pose ({start[0]:g}, {start[1]:g}) to the lap at "
                 f"({x:g}, {y:g}) touches a wall: give a start in sight of the lap, or other "
@@ -138,31 +139,11 @@ class Course:
 def check_free(what: str, at: Pose, world: World) -> None:
     """Refuse a pose where the robot would touch a wall."""
     if not world.floor_plan.free([at], world.body)[0]:
-        x, y, heading = at
+        (x, y, heading), size = at, f"{world.robot.radius:g} {world.floor_plan.unit}"
         raise InputError(
-            f"{what} is ({x:g}, {y:g}, {heading:g}), where a robot of {_radius(world)} touches a "
-            "wall or stands outside: give a pose in free space."
+            f"{what} is ({x:g}, {y:g}, {heading:g}), where a robot of radius {size} touches a wall "
+            "or stands outside: give a pose in free space."
         )
-
-
-def _radius(world: World) -> str:
-    return f"radius {world.robot.radius:g} {world.floor_plan.unit}"
-
-
-def path_of(world: World) -> Path:
-    """Return the closed path of a world's lap."""
-    waypoints = world.lap.waypoints
-    corners = mid_corridor(world.floor_plan) if waypoints is None else np.array(waypoints)
-    path = Path(corners)
-    ends = np.roll(corners, -1, axis=0)
-    blocked = world.floor_plan.collides(corners, ends, world.body)
-    if blocked.any():
-        (x0, y0), (x1, y1) = corners[blocked.argmax()], ends[blocked.argmax()]
-        raise InputError(
-            f"the lap touches a wall between ({x0:g}, {y0:g}) and ({x1:g}, {y1:g}) for a robot of "
-            f"{_radius(world)}: give a smaller robot or other lap.waypoints."
-        )
-    return path
 
 
 def mid_corridor(floor_plan: Map) -> Floats:
@@ -217,7 +198,15 @@ def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
                 f"{name} is {digits(step)}, but must be at most {digits(most)}, which the robot "
                 "can do in a step."
             )
-    legs = list(_legs(path.corners_from(arc), start, 1e-6 * world.pixel))
+    legs, (x, y, heading) = list[tuple[float, float]](), start  # turn and distance
+    for corner_x, corner_y in path.corners_from(arc).tolist():
+        dx, dy = corner_x - x, corner_y - y
+        distance = math.sqrt(dx * dx + dy * dy)
+        if distance < 1e-6 * world.pixel:
+            continue
+        bearing = atan2_64(dy, dx)
+        legs.append((centred_heading(bearing - heading), distance))
+        x, y, heading = corner_x, corner_y, bearing
     steps = sum(abs(turn) / lap.turn + distance / lap.step for turn, distance in legs)
     if steps > MAX_STEPS:
         raise InputError(
@@ -231,19 +220,6 @@ def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
     made = np.array(actions, dtype=np.float32).reshape(-1, 2)
     made.setflags(write=False)
     return made
-
-
-def _legs(points: Floats, start: Pose, shortest: float) -> Iterator[tuple[float, float]]:
-    """Yield turn and distance to each of the points; those nearer than ``shortest`` are skipped."""
-    x, y, heading = start
-    for corner_x, corner_y in points.tolist():
-        dx, dy = corner_x - x, corner_y - y
-        distance = math.sqrt(dx * dx + dy * dy)
-        if distance < shortest:
-            continue
-        bearing = atan2_64(dy, dx)
-        yield centred_heading(bearing - heading), distance
-        x, y, heading = corner_x, corner_y, bearing
 
 
 def _parts(total: float, step: float) -> list[float]:

@@ -8,7 +8,7 @@ with open space beside them.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
@@ -17,7 +17,9 @@ from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
+from deqmcl_gym.maps.grid_map import runs_of
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
+from deqmcl_gym.maps.polygons import edges_of, square_distances
 from deqmcl_gym.numerics import Bools, Floats, Indices, arrays
 from deqmcl_gym.validation import (
     InputError,
@@ -31,7 +33,6 @@ from deqmcl_gym.validation import (
     shown,
 )
 
-PLACES = ("anywhere", "walls")
 KINDS = ("removed", "added", "shifted")
 BESIDE = 10.0  # px: room left on both sides of a robot on its way
 _APART = 2.0  # px: between the points of a way that are looked at
@@ -79,9 +80,18 @@ class Way(NamedTuple):
         margin = body + (BESIDE + _APART / 2) * px + cell  # a painted cell may stick out
         return cls(np.vstack([corners[:1], *points]), margin)
 
-    def is_blocked_by(self, polygons: Floats | list[Floats]) -> bool:
-        """Whether one of some convex polygons (c, 2) is on the way."""
-        return any(comes_near(self.points, polygon, self.margin) for polygon in polygons)
+    def is_blocked_by(self, polygon: Floats) -> bool:
+        """Whether a convex polygon (c, 2) is nearer to it than the margin."""
+        low, high = polygon.min(axis=0) - self.margin, polygon.max(axis=0) + self.margin
+        near = self.points[((self.points > low) & (self.points < high)).all(axis=1)]
+        if not len(near):
+            return False
+        along = np.roll(polygon, -1, axis=0) - polygon
+        off = near[:, None] - polygon
+        if (along[:, 0] * off[..., 1] >= along[:, 1] * off[..., 0]).all(axis=1).any():
+            return True  # inside
+        squares = square_distances(edges_of(polygon), near[:, None])
+        return bool(squares.min() < self.margin * self.margin)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,23 +114,23 @@ class Clutter:
         integer("clutter.number", self.number, high=10_000)
         object.__setattr__(self, "size", ordered("clutter.size", self.size, above=True))
         number("clutter.round", self.round, low=0, high=1)
-        one_of("place of clutter", self.where, PLACES)
+        one_of("place of clutter", self.where, ("anywhere", "walls"))
         boolean("clutter.keep_route", self.keep_route)
 
     def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> list[Floats]:
         """Draw it: convex polygons, counterclockwise, (c, 2) each."""
-        return [self._obstacle(floor_plan, way, rng) for _ in range(self.number)]
-
-    def _obstacle(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> Floats:
-        for _ in range(_TRIES):
-            thing = self._tried(floor_plan, rng)
-            if thing is not None and not way.is_blocked_by([thing]):
-                return thing
-        raise InputError(
-            f"none of {_TRIES:,} places drawn for clutter ({self.where}) is free and off the "
-            "robot's way: give another clutter.where, a smaller clutter.number, or a smaller "
-            "clutter.size."
-        )
+        things = list[Floats]()
+        for _ in range(self.number):
+            tried = (self._tried(floor_plan, rng) for _ in range(_TRIES))
+            off = (thing for thing in tried if thing is not None and not way.is_blocked_by(thing))
+            if (thing := next(off, None)) is None:
+                raise InputError(
+                    f"none of {_TRIES:,} places drawn for clutter ({self.where}) is free and off "
+                    "the robot's way: give another clutter.where, a smaller clutter.number, or a "
+                    "smaller clutter.size."
+                )
+            things.append(thing)
+        return things
 
     def _tried(self, floor_plan: Map, rng: np.random.Generator) -> Floats | None:
         """Draw a thing; None if it is not at such a place."""
@@ -140,23 +150,16 @@ class Clutter:
             if not floor_plan.free([centre])[0]:
                 return None
         ahead, aside = _unit(angle), _unit(angle + math.pi / 2)
-        corners: Floats = (
-            half[0] * _circle() if is_round else _SQUARE @ (half[:, None] * (ahead, aside))
-        )
+        ring = half[0] * _unit(2 * math.pi * np.arange(_CORNERS) / _CORNERS)
+        corners: Floats = ring if is_round else _SQUARE @ (half[:, None] * (ahead, aside))
         return centre + corners
 
 
 _SQUARE = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 
 
-def _unit(angle: float) -> Floats:
-    return np.array((arrays.cos([angle])[0], arrays.sin([angle])[0]))
-
-
-@cache
-def _circle() -> Floats:
-    """Return the corners of a round pillar of radius 1: at first use, as a kernel computes them."""
-    return np.array([_unit(2 * math.pi * k / _CORNERS) for k in range(_CORNERS)])
+def _unit(angles: ArrayLike) -> Floats:
+    return np.stack([arrays.cos(angles), arrays.sin(angles)], axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +202,7 @@ class ChangedWalls:
                 break
             for _ in range(_AGAIN):
                 tried = self._tried(floor_plan, walls[number_], rng)
-                if tried is not None and not way.is_blocked_by(tried[1]):
+                if tried is not None and not any(map(way.is_blocked_by, tried[1])):
                     gone, come = tried
                     cleared.append(gone)
                     filled += list(come)
@@ -228,22 +231,14 @@ class ChangedWalls:
         near, far = (length * pixel(floor_plan.unit) for length in _ADDED)
         if kind == "shifted":
             near, far = 0.0, self.distance
-        to, front = _shifted(piece, by, near, far, step)
+        way = near + abs(by) * (far - near)
+        way = max(1, min(round(way / step), math.floor(far / step + 1e-9))) * step
+        to = piece.boxes + math.copysign(way, by) * piece.across
+        thick = np.abs((piece.boxes - piece.boxes.mean(axis=(0, 1))) @ piece.across).max()
+        front = to.mean(axis=(0, 1)) + math.copysign(thick, by) * piece.across
         if not floor_plan.free([front])[0]:
             return None
         return piece.boxes if kind == "shifted" else nothing, to
-
-
-def _shifted(
-    piece: Piece, by: float, near: float, far: float, step: float
-) -> tuple[Floats, Floats]:
-    """Return a piece shifted by near + |by| (far - near), and the middle of its front there."""
-    way = near + abs(by) * (far - near)
-    way = max(1, min(round(way / step), math.floor(far / step + 1e-9))) * step
-    to = piece.boxes + math.copysign(way, by) * piece.across
-    middle = to.mean(axis=(0, 1))
-    thick = np.abs((piece.boxes - piece.boxes.mean(axis=(0, 1))) @ piece.across).max()
-    return to, middle + math.copysign(thick, by) * piece.across
 
 
 def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body: float) -> Map:
@@ -314,21 +309,6 @@ def altered(floor_plan: Map, cleared: ArrayLike, filled: list[Floats]) -> Map:
     return PolygonMap(floor_plan.outer, (*floor_plan.obstacles, *solids), floor_plan.unit)
 
 
-def comes_near(points: Floats, polygon: Floats, within: float) -> bool:
-    """Whether any of ``points`` (n, 2) is nearer to a convex polygon (c, 2) than ``within``."""
-    low, high = polygon.min(axis=0) - within, polygon.max(axis=0) + within
-    near = points[((points > low) & (points < high)).all(axis=1)]
-    if not len(near):
-        return False
-    along = np.roll(polygon, -1, axis=0) - polygon
-    off = near[:, None] - polygon
-    if (along[:, 0] * off[..., 1] >= along[:, 1] * off[..., 0]).all(axis=1).any():
-        return True  # inside
-    share = np.clip((off * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    square = ((off - share[..., None] * along) ** 2).sum(axis=2)
-    return bool(square.min() < within * within)
-
-
 @lru_cache(8)
 def inner_walls(floor_plan: Map) -> InnerWalls:
     """Return the inner walls of a map of cells, found along its axes; those of 8 are cached.
@@ -395,11 +375,9 @@ def _doors(solid: Bools, free: Bools, step: float, px: float) -> list[Floats]:
 
 
 def _inner_runs(among: Bools) -> Indices:
-    """Return all runs of True within rows: row, first column, column after the last, (n, 3)."""
-    steps = np.diff(np.pad(among, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-    row, first = np.nonzero(steps == 1)
-    runs = np.column_stack([row, first, np.nonzero(steps == -1)[1]])
-    inner: Indices = runs[(first > 0) & (runs[:, 2] < among.shape[1])]
+    """Return runs of True within rows: row, first column, column after the last, (n, 3)."""
+    runs = np.column_stack(runs_of(among.astype(np.int8)))
+    inner: Indices = runs[(runs[:, 1] > 0) & (runs[:, 2] < among.shape[1])]
     return inner
 
 

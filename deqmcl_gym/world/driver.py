@@ -11,8 +11,8 @@ from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, RoomActions, arrays
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world import Driver, World
-from deqmcl_gym.world.course import MAX_STEPS, Course, Path
-from deqmcl_gym.world.path_kernels import NEARER, drive_along, once_round, room_for_noise, steer
+from deqmcl_gym.world import path_kernels as kernels
+from deqmcl_gym.world.course import MAX_STEPS, Course
 
 NO_PLAN = np.empty((0, 2), np.float32)  # of one who shows nothing of what is to come
 
@@ -100,7 +100,7 @@ class GuidedPlan:
     ) -> "GuidedPlan":
         """Let ``driver`` drive the course after step ``begun``; without a horizon, all is shown."""
         lap, limit = world.lap, min(begun + _LAPS * len(course.actions), MAX_STEPS)
-        end, near = once_round(course.path.length, world.robot.radius), -1.0
+        end, near = kernels.once_round(course.path.length, world.robot.radius), -1.0
         if world.route is not None:
             end, near = math.inf, world.route.tolerance
         rules = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn, end, near
@@ -145,23 +145,20 @@ class GuidedPlan:
     def _rolled_out(self, pose: Pose, arc: float, way: float, most: int) -> RoomActions:
         """Return the next actions, at most so many."""
         path, ground, route = self.course.path, self.world.floor_plan, self.world.route
-        if route is None:
-            return self._along(path, 1.0, pose, arc, way, most)
-        if isinstance(ground, GridMap) and self.course.goal is not None:
-            cells, goal = ground.cells, self.course.goal
-            body = room_for_noise(pose, cells, self.world.body, route.clearance)
-            done, length = np.empty((most, 2), np.float32), path.length
-            edges, rules = path.edges, self.rules
-            count = steer(pose, arc, way, edges, length, goal, rules, cells, body, done)
-            return done[:count]
+        goal = self.course.goal
+        if route is None or goal is None:
+            return self._along(path.edges, 1.0, pose, arc, way, most)
+        along = path.edges, path.length, goal
+        if isinstance(ground, GridMap):
+            needs, done = (self.world.body, route.clearance), np.empty((most, 2), np.float32)
+            drive = pose, arc, way, *along, self.rules, ground.cells, *needs
+            return done[: kernels.steer(*drive, done)]
         room = float(ground.distance([pose[:2]])[0]) - self.world.body
         body = self.world.body + max(0.0, min(room, route.clearance)) / 2
-        corners = np.vstack([pose[:2], path.corners_from(arc)])  # straight back onto the path
-        distinct = (np.diff(corners, axis=0) != 0).any(axis=1)
-        back = Path(corners[np.append(True, distinct)], closed=False)
+        back = kernels.back_onto(pose, arc, *along)
         farthest, clear = np.empty((0, 2), np.float32), -1
-        for onto, begin in ((path, arc), (back, 0.0)):
-            for share in NEARER:
+        for onto, begin in ((path.edges, arc), (back, 0.0)):
+            for share in kernels.NEARER:
                 actions = self._along(onto, share, pose, begin, way, most)
                 blocked = _blocked(pose, actions, ground, body)
                 if not blocked.any():
@@ -171,11 +168,11 @@ class GuidedPlan:
         return farthest
 
     def _along(
-        self, path: Path, share: float, pose: Pose, arc: float, way: float, most: int
+        self, edges: Floats, share: float, pose: Pose, arc: float, way: float, most: int
     ) -> RoomActions:
-        rules = (share * self.rules[0], *self.rules[1:])
+        rules, period = (share * self.rules[0], *self.rules[1:]), self.course.path.period
         actions = np.empty((most, 2), np.float32)
-        return actions[: drive_along(pose, arc, way, path.edges, path.period, rules, actions)]
+        return actions[: kernels.drive_along(pose, arc, way, edges, period, rules, actions)]
 
 
 Plan = FixedPlan | GuidedPlan

@@ -18,10 +18,11 @@ from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.world import Stream, World, episode_stream
 from deqmcl_gym.world.course import Course
-from deqmcl_gym.world.differences import Glass, Way, altered
+from deqmcl_gym.world.differences import Way, altered
 from deqmcl_gym.world.driver import GuidedPlan, Plan, Underway, points_of
-from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
+from deqmcl_gym.world.path_kernels import follow, judged_step, noisy_drive
 from deqmcl_gym.world.people import Contacts, Crowd, Crowded, cast_among_people
+from deqmcl_gym.world.route import drawn_course
 from deqmcl_gym.world.rules import RoomRules
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
@@ -48,7 +49,11 @@ class Beginning:
     @classmethod
     def drawn(cls, rules: RoomRules, seed: int, number: int) -> "Beginning":
         """Draw the ``number``-th episode after seeding."""
-        course, plan = rules.begun(seed, number)
+        if (journeys := rules.journeys) is None:
+            course, plan = rules.course, rules.plan
+        else:
+            course = drawn_course(journeys, seed, number)
+            plan = rules.plan_for(course)
         streams = partial(episode_stream, seed, number)
         world, ground = rules.world, rules.world.floor_plan
         clutter, walls = world.clutter, world.changed_walls
@@ -81,8 +86,8 @@ class Beginning:
     @property
     def arc(self) -> float:
         """Arc length at which it begins."""
-        course = self.course
-        return course.path.follow(course.start[:2], self.start[:2], course.arc)[0]
+        course, (x, y, _), path = self.course, self.start, self.course.path
+        return follow(*course.start[:2], x, y, course.arc, path.edges, path.period)[0]
 
     def crowd(self) -> Crowd | None:
         """Return the people, if there are any, around the robot at its start."""
@@ -96,11 +101,25 @@ class Beginning:
         """Return what beams meet."""
         world = self.there.world
         caster: Caster = world.floor_plan.cast
-        if (glass := world.glass) is not None:
-            behind, closest = self.behind_glass.cast, _CLOSEST * world.pixel
+        if world.glass is not None:
             rng = self.streams(Stream.THROUGH_GLASS)
-            caster = partial(cast_through_glass, caster, behind, glass, closest, rng)
+            caster = partial(self._cast_through_glass, world.glass.lost, rng)
         return caster if crowd is None else partial(cast_among_people, caster, crowd)
+
+    def _cast_through_glass(
+        self,
+        share: float,
+        rng: np.random.Generator,
+        poses: Singles,
+        bearings: Singles,
+        out: Singles,
+    ) -> None:
+        """Cast among walls, of which glass loses a ``share``: a number per beam says which."""
+        world, beyond = self.there.world, np.empty_like(out)
+        world.floor_plan.cast(poses, bearings, out)
+        self.behind_glass.cast(poses, bearings, beyond)
+        lost = (beyond > out + _CLOSEST * world.pixel) & (rng.random(out.shape) < share)
+        np.copyto(out, beyond, where=lost)
 
     def picture(self, view: "View", crowd: Crowd | None) -> "Drawing":
         """Draw what is there: solid, glass in blue; the map in outline; people as discs."""
@@ -116,36 +135,13 @@ class Beginning:
 
 def _way(world: World, course: Course, plan: Plan, whole: bool) -> Way:
     """Return the way planned on the map, with that of a driver without noise, or its ends."""
-    corners = course.path.outline
-    if not whole:
+    if whole:
+        ways = [course.path.outline, points_of(course.start, plan.actions)]
+    else:
         ends = [course.start[:2]] if course.goal is None else [course.start[:2], course.goal]
         ways = [np.array([end, end]) for end in ends]
-    else:
-        ways = [corners, np.vstack([course.start[:2], points_of(course.start, plan.actions)])]
     parts = [Way.along(way, world.body, world.floor_plan) for way in ways]
     return Way(np.vstack([way.points for way in parts]), parts[0].margin)
-
-
-def cast_through_glass(
-    walls: Caster,
-    others: Caster,
-    glass: Glass,
-    closest: float,
-    rng: np.random.Generator,
-    poses: Singles,
-    bearings: Singles,
-    out: Singles,
-) -> None:
-    """Cast among walls, some of them glass, which does not reflect all beams.
-
-    ``others`` are those that are not glass; two walls count as one at a distance of ``closest``.
-    One number per beam says whether it is lost.
-    """
-    beyond = np.empty_like(out)
-    walls(poses, bearings, out)
-    others(poses, bearings, beyond)
-    lost = (beyond > out + closest) & (rng.random(out.shape) < glass.lost)
-    np.copyto(out, beyond, where=lost)
 
 
 class LidarSensor:
@@ -153,21 +149,16 @@ class LidarSensor:
 
     def __init__(self, caster: Caster, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
-        self._lidar, self._caster = lidar, caster
-        self._max_range, self._sigma, self._rng = lidar.max_range, lidar.sigma, rng
-        self._origin = np.empty((3, 1), np.float32)
-        self._exact = np.empty((lidar.beams, 1), np.float32)
+        self._lidar, self._caster, self._rng = lidar, caster, rng
 
     def scan(self, pose: Pose) -> Singles:
         """Return the ranges seen from a pose, fresh (B,), in [0, max_range]; +inf for lost ones."""
-        origin, exact = self._origin, self._exact
-        origin[0, 0], origin[1, 0], origin[2, 0] = pose
-        self._lidar.cast(self._caster, origin, exact)
-        seen = np.empty(exact.size, np.float32)
-        normals = self._rng.standard_normal(exact.size)
-        _report(exact, normals, self._sigma, self._max_range, seen)
-        if self._lidar.loses:
-            self._lidar.lose(seen)
+        lidar, seen = self._lidar, np.empty(self._lidar.beams, np.float32)
+        exact = np.empty((lidar.beams, 1), np.float32)
+        lidar.cast(self._caster, np.array([pose], np.float32).T, exact)
+        normals = self._rng.standard_normal(lidar.beams)
+        _report(exact, normals, lidar.sigma, lidar.max_range, seen)
+        lidar.lose(seen)
         return seen
 
 
@@ -214,8 +205,12 @@ class WallContacts:
         shapes: list[pymunk.Shape] = []
         for edges in outlines:
             shapes += [pymunk.Segment(body, edge[:2], edge[2:], radius) for edge in edges.tolist()]
-            # A query that starts beside the end of a segment may miss its rounding.
-            shapes += [pymunk.Circle(body, radius, tip) for tip in _corners_into_the_room(edges)]
+            # A query that starts beside the end of a segment may miss its rounding, which is in the
+            # room where a wall turns right.
+            along = edges[:, 2:] - edges[:, :2]
+            before = np.roll(along, 1, axis=0)
+            right = before[:, 0] * along[:, 1] < before[:, 1] * along[:, 0]
+            shapes += [pymunk.Circle(body, radius, tip) for tip in edges[right, :2].tolist()]
         # pymunk's tree of shapes is balanced if neighbours are not added one after the other.
         shuffled = np.random.default_rng(0).permutation(len(shapes))
         self.space.add(*(shapes[i] for i in shuffled))
@@ -238,14 +233,6 @@ def contacts_of(world: World) -> Contacts:
         return CellContacts(world.floor_plan, world.body)
     assert isinstance(world.floor_plan, PolygonMap)  # the forms of Map
     return WallContacts(world.floor_plan, world.body)
-
-
-def _corners_into_the_room(edges: Floats) -> list[Point]:
-    """Where a wall with free space to its left turns right."""
-    along = edges[:, 2:] - edges[:, :2]
-    before = np.roll(along, 1, axis=0)
-    right = before[:, 0] * along[:, 1] < before[:, 1] * along[:, 0]
-    return [(x, y) for x, y in edges[right, :2].tolist()]
 
 
 class Body:
@@ -327,16 +314,15 @@ class Episode(Body):
         """Begin the ``number``-th episode after seeding, and take its first scan."""
         self._rules = rules
         begun = Beginning.drawn(rules, seed, number)
-        self._begun, self.there = begun, begun.there
+        self.begun, self.there = begun, begun.there
         self.course, self.plan = begun.course, begun.plan
         world = self.there.world
-        self._crowd = begun.crowd()
-        caster = begun.caster(self._crowd)
-        sensor = LidarSensor(caster, world.lidar, self.stream(Stream.SENSOR))
+        self.crowd = begun.crowd()
+        sensor = LidarSensor(begun.caster(self.crowd), world.lidar, begun.streams(Stream.SENSOR))
         solid = walls if self.there is rules else contacts_of(world)
-        if self._crowd is not None:
-            solid = Crowded(solid, self._crowd, world.body)
-        super().__init__(begun.start, solid, world, sensor, self.stream(Stream.MOTION))
+        if self.crowd is not None:
+            solid = Crowded(solid, self.crowd, world.body)
+        super().__init__(begun.start, solid, world, sensor, begun.streams(Stream.MOTION))
         self.arc = begun.arc
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
@@ -345,14 +331,6 @@ class Episode(Body):
     def underway(self) -> Underway:
         """What its plan depends on."""
         return Underway(self.step, self.pose, self.arc, self.way)
-
-    def picture(self, view: "View") -> "Drawing":
-        """Draw what is there, without the robot."""
-        return self._begun.picture(view, self._crowd)
-
-    def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
-        """Return the random stream of one source in this episode, from its beginning."""
-        return self._begun.streams(stream, twin)
 
     def place(self, pose: Pose, noticed: bool = True) -> None:
         """Put the robot at a pose, without progress; if not ``noticed``, a driver's plan stays."""
@@ -386,8 +364,8 @@ class Episode(Body):
             dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
             if np.sqrt(dx * dx + dy * dy) <= route.tolerance:
                 reward, self.done = reward + rules.rewards[1], True
-        if self._crowd is not None:
-            self._crowd.walk(self.pose[:2])
+        if self.crowd is not None:
+            self.crowd.walk(self.pose[:2])
             self._put(self.pose)  # who walks may be in the way now
         self.look()
         return reward, collided

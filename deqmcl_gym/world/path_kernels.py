@@ -193,15 +193,6 @@ _BLOCK = 64  # steps looked at together: the first blocked one ends the search
 
 
 @compiled
-def room_for_noise(pose: tuple[float, float, float], cells: Any, size: float, most: float) -> float:
-    """``size`` and half of a robot's room to a wall, of at most ``most``; cells as of GridMap."""
-    reach, up, down, frame = cells
-    at, gap = np.array(((pose[0],), (pose[1],))), np.empty(1, np.float32)
-    distances(at, reach, up, down, frame, gap)
-    return size + max(0.0, min(np.float64(gap[0]) - size, most)) / 2
-
-
-@compiled
 def steer(
     pose: tuple[float, float, float],
     arc: float,
@@ -211,15 +202,20 @@ def steer(
     goal: tuple[float, float],
     rules: tuple[float, float, float, float, float, float],
     cells: Any,
-    body: float,
+    size: float,
+    clearance: float,
     actions: RoomActions,
 ) -> int:
     """Fill in what a driver does from ``pose`` on a route, and return the number of actions.
 
     As ``drive_along``, with the longest look-ahead in ``rules``. ``length`` of the route is as
-    ``Path.length`` adds it up, ``goal`` its last corner, ``cells`` as of ``GridMap``,
-    ``body`` the radius of the disc for which the way must be free.
+    ``Path.length`` adds it up, ``goal`` its last corner, ``cells`` as of ``GridMap``. The way must
+    be free for a disc of radius ``size`` and half the room to a wall, of at most ``clearance``.
     """
+    reach, up, down, frame = cells
+    at, gap = np.array(((pose[0],), (pose[1],))), np.empty(1, np.float32)
+    distances(at, reach, up, down, frame, gap)
+    body = size + max(0.0, min(np.float64(gap[0]) - size, clearance)) / 2
     tried = np.empty_like(actions)
     clear, count = -1, 0
     onto, begin = edges, arc

@@ -51,8 +51,23 @@ class Crowd:
     ) -> None:
         """Draw who walks where; nobody begins within 1 m (50 px) of the robot's rim."""
         self.radius, px = people.radius, pixel(floor_plan.unit)
-        starts = _free(people, floor_plan, robot, people.radius + body + _LEAST * px, rng)
         self._ground, self._least, self._rng = floor_plan, _LEAST * px, rng
+        (x0, y0, x1, y1), starts = floor_plan.bounds, np.empty((0, 2))
+        apart = people.radius + body + self._least
+        for _ in range(_TRIES):
+            if len(starts) >= people.number:
+                break
+            drawn = rng.uniform((x0, y0), (x1, y1), (16 + people.number, 2))
+            fits = floor_plan.free(drawn, people.radius)
+            fits &= ((drawn - robot) ** 2).sum(axis=1) >= apart * apart
+            starts = np.vstack([starts, drawn[fits]])
+        if len(starts) < people.number:
+            raise InputError(
+                f"there is no room for people.number = {people.number} of radius "
+                f"{people.radius:g} {floor_plan.unit} apart from the robot: give fewer people, or "
+                "a smaller radius."
+            )
+        starts = starts[: people.number]
         self._corners, self._ends = self._paths(starts, None)
         steps = people.seconds * rng.uniform(*people.speed, people.number)
         # a step that begins this far away, or ends there, does not touch the robot in between
@@ -76,12 +91,29 @@ class Crowd:
         """Draw where people go, (n, k, 2), at first away from a robot; and the arc lengths."""
         corners, away = [starts], robot
         for _ in range(_LEGS if len(starts) else 0):
-            last = corners[-1]
-            corners.append(_next(last, self.radius, self._ground, self._least, away, self._rng))
+            corners.append(self._next(corners[-1], away))
             away = None
         path = np.stack(corners, axis=1)
         lengths = np.sqrt((np.diff(path, axis=1) ** 2).sum(axis=2))
         return path, np.cumsum(np.pad(lengths, ((0, 0), (1, 0))), axis=1)
+
+    def _next(self, starts: Floats, away: Point | None) -> Floats:
+        """Draw the next place of each in sight, (n, 2), away from one; who finds none stays."""
+        n, ground = len(starts), self._ground
+        bearings = self._rng.uniform(-math.pi, math.pi, n * _LOOKS)
+        shares = self._rng.random(n * _LOOKS)
+        befores = np.repeat(starts, _LOOKS, axis=0)
+        seen = ground.ranges(np.column_stack([befores, bearings]), [0.0])[:, 0].astype(np.float64)
+        x0, y0, x1, y1 = ground.bounds
+        ways = shares * np.minimum(seen, x1 - x0 + y1 - y0)
+        along = np.column_stack([arrays.cos(bearings), arrays.sin(bearings)])
+        places = befores + ways[:, None] * along
+        clear = ~ground.collides(befores, places, self.radius)
+        if away is not None:
+            clear &= ((places - befores) * (befores - away)).sum(axis=1) >= 0.0
+        fits: Bools = np.reshape((ways >= self._least) & clear, (n, _LOOKS))
+        chosen = places.reshape(n, _LOOKS, 2)[np.arange(n), fits.argmax(axis=1)]
+        return np.where(fits.any(axis=1, keepdims=True), chosen, starts)
 
 
 class Contacts(Protocol):
@@ -119,52 +151,6 @@ def cast_among_people(
     """Cast among walls, and people before them."""
     walls(poses, bearings, out)
     _cast(poses, bearings, crowd.places, crowd.radius, out)
-
-
-def _free(
-    people: People, floor_plan: Map, robot: Point, distance: float, rng: np.random.Generator
-) -> Floats:
-    """Draw a place for each person, at least ``distance`` from the robot, (n, 2)."""
-    x0, y0, x1, y1 = floor_plan.bounds
-    places = np.empty((0, 2))
-    for _ in range(_TRIES):
-        if len(places) >= people.number:
-            break
-        drawn = rng.uniform((x0, y0), (x1, y1), (16 + people.number, 2))
-        fits = floor_plan.free(drawn, people.radius)
-        fits &= ((drawn - robot) ** 2).sum(axis=1) >= distance * distance
-        places = np.vstack([places, drawn[fits]])
-    if len(places) < people.number:
-        raise InputError(
-            f"there is no room for people.number = {people.number} of radius {people.radius:g} "
-            f"{floor_plan.unit} apart from the robot: give fewer people, or a smaller radius."
-        )
-    return places[: people.number]
-
-
-def _next(
-    starts: Floats,
-    radius: float,
-    floor_plan: Map,
-    least: float,
-    away: Point | None,
-    rng: np.random.Generator,
-) -> Floats:
-    """Draw the next place of each person in sight, (n, 2), away from one; who finds none stays."""
-    n = len(starts)
-    bearings = rng.uniform(-math.pi, math.pi, n * _LOOKS)
-    shares = rng.random(n * _LOOKS)
-    befores = np.repeat(starts, _LOOKS, axis=0)
-    seen = floor_plan.ranges(np.column_stack([befores, bearings]), [0.0])[:, 0].astype(np.float64)
-    x0, y0, x1, y1 = floor_plan.bounds
-    ways = shares * np.minimum(seen, x1 - x0 + y1 - y0)
-    places = befores + ways[:, None] * np.column_stack([arrays.cos(bearings), arrays.sin(bearings)])
-    clear = ~floor_plan.collides(befores, places, radius)
-    if away is not None:
-        clear &= ((places - befores) * (befores - away)).sum(axis=1) >= 0.0
-    fits: Bools = np.reshape((ways >= least) & clear, (n, _LOOKS))
-    chosen = places.reshape(n, _LOOKS, 2)[np.arange(n), fits.argmax(axis=1)]
-    return np.where(fits.any(axis=1, keepdims=True), chosen, starts)
 
 
 @compiled

@@ -32,15 +32,6 @@ class Routes:
     radius: float  # least distance to walls: the robot's radius, with a margin for motion noise
     comfort: float  # distance to walls from which on there is no extra cost
 
-    def to(self, goal: Point) -> "RoutesTo":
-        """Return the routes from anywhere to a goal."""
-        self.check("goal", goal)
-        costs = np.full(len(self.centres), np.inf)
-        following = np.empty(len(costs), np.intp)
-        fill_costs(*self._dear, self._cell, self.cell(goal), costs)
-        fill_following(*self._dear, costs, following)
-        return RoutesTo(self, goal, costs, following)
-
     def check(self, what: str, at: Point) -> None:
         """Refuse a place where the robot does not fit."""
         if self.cell(at) < 0:
@@ -53,7 +44,7 @@ class Routes:
         """Number of the free cell at a place; -1 if there is none."""
         x_low, y_low, _, _ = self.floor_plan.bounds
         rows, columns = self._numbers.shape
-        column, row = (int((at[i] - low) // self._cell) for i, low in enumerate((x_low, y_low)))
+        column, row = (int((at[i] - low) // self.side) for i, low in enumerate((x_low, y_low)))
         inside = 0 <= column < columns and 0 <= row < rows
         return int(self._numbers[row, column]) if inside else -1
 
@@ -71,14 +62,15 @@ class Routes:
 
     def _in_sight(self, start: Floats, ends: Floats, room: Floats) -> Bools:
         """Whether discs of radius ``room``, less a cell, fit along the lines to ``ends``."""
-        shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(ends - start).max() / self._cell)))
+        shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(ends - start).max() / self.side)))
         ways = start + shares[:, None, None] * (ends - start)
         nearest = self.floor_plan.distance(ways.reshape(-1, 2)).reshape(len(shares), -1)
-        seen: Bools = nearest.min(axis=0) >= np.maximum(room - self._cell, self.radius)
+        seen: Bools = nearest.min(axis=0) >= np.maximum(room - self.side, self.radius)
         return seen
 
     @cached_property
-    def _cell(self) -> float:
+    def side(self) -> float:
+        """Of a cell."""
         return _CELL * pixel(self.floor_plan.unit)
 
     @cached_property
@@ -86,7 +78,7 @@ class Routes:
         """Distance to walls at each cell's centre, at most ``comfort``; 0 where no robot fits."""
         x_low, y_low, x_high, y_high = self.floor_plan.bounds
         across, up = (
-            low + self._cell * (np.arange(int((high - low) / self._cell)) + 0.5)
+            low + self.side * (np.arange(int((high - low) / self.side)) + 0.5)
             for low, high in ((x_low, x_high), (y_low, y_high))
         )
         centres = np.stack(np.meshgrid(across, up), axis=-1)
@@ -107,14 +99,14 @@ class Routes:
     def centres(self) -> Floats:
         """Centres of the free cells, (n, 2)."""
         cells = np.argwhere(self._numbers >= 0)[:, ::-1]  # column, row
-        centres: Floats = np.array(self.floor_plan.bounds[:2]) + (cells + 0.5) * self._cell
+        centres: Floats = np.array(self.floor_plan.bounds[:2]) + (cells + 0.5) * self.side
         return centres
 
     @cached_property
-    def _dear(self) -> tuple[Floats, NDArray[np.int64]]:
+    def dear(self) -> tuple[Floats, NDArray[np.int64]]:
         """Cost per step of each cell, and its number, both with a ring around the map."""
         walls = np.clip(1 - self._room / self.comfort, 0, 1)
-        dear = self._cell * (1 + _COST_OF_WALLS * walls)
+        dear = self.side * (1 + _COST_OF_WALLS * walls)
         numbers = self._numbers.astype(np.int64)
         return np.pad(dear, 1), np.pad(numbers, 1, constant_values=-1)
 
@@ -178,18 +170,10 @@ class Journeys:
 
     world: World
 
-    def drawn(self, seed: int, number: int) -> Course:
-        """Draw a start with its heading, and a goal, unless the world names them.
-
-        They depend only on the seed and the ``number`` of the episode after seeding. The last two
-        courses are cached.
-        """
-        return _drawn(self, seed, number)
-
     def onwards(self, goal: Point, pose: Pose) -> Course:
         """Plan the route to a goal from the robot's pose."""
         self._check_apart("the pose", pose[:2], goal)
-        return Course.along(_routes_to(self.routes, goal).start_near(pose[:2]), pose, self.world)
+        return Course.along(routes_to(self.routes, goal).start_near(pose[:2]), pose, self.world)
 
     def elsewhere(self, goal: Point, rng: np.random.Generator) -> Pose:
         """Draw another start for a goal."""
@@ -214,7 +198,7 @@ class Journeys:
         if start is None or goal is None:
             return
         self._check_apart("start.pose", start[:2], goal)
-        _routes_to(self.routes, goal).start_at(start[:2])
+        routes_to(self.routes, goal).start_at(start[:2])
 
     def _check_apart(self, what: str, at: Point, goal: Point) -> None:
         if math.dist(at, goal) <= self._route.tolerance:
@@ -234,7 +218,7 @@ class Journeys:
         """Return the corners of a route, (k, 2); an end that is not named is drawn."""
         goal = self._route.goal
         if start is not None and goal is not None:
-            return _routes_to(self.routes, goal).start_at(start)
+            return routes_to(self.routes, goal).start_at(start)
         for _ in range(_ENDS):
             end = goal or start or self._place(rng)
             corners = self._drawn_to(end, rng)
@@ -244,7 +228,7 @@ class Journeys:
 
     def _drawn_to(self, end: Point, rng: np.random.Generator) -> Floats | None:
         """Return a route to ``end`` from a drawn place; None if none was found."""
-        routes, route = _routes_to(self.routes, end), self._route
+        routes, route = routes_to(self.routes, end), self._route
         for _ in range(_OTHERS):
             other = self._place(rng)
             if not route.tolerance < math.dist(other, end) <= route.max_length:
@@ -283,7 +267,12 @@ class Journeys:
 
 
 @lru_cache(maxsize=2)
-def _drawn(journeys: Journeys, seed: int, number: int) -> Course:
+def drawn_course(journeys: Journeys, seed: int, number: int) -> Course:
+    """Draw a start with its heading, and a goal, unless the world names them.
+
+    They depend only on the seed and the ``number`` of the episode after seeding. The last two are
+    cached.
+    """
     rng = episode_stream(seed, number, Stream.ROUTE)
     start = journeys.world.start.pose
     corners = journeys.between(None if start is None else start[:2], rng)
@@ -294,9 +283,14 @@ def _drawn(journeys: Journeys, seed: int, number: int) -> Course:
 
 
 @lru_cache(maxsize=4)
-def _routes_to(routes: Routes, goal: Point) -> RoutesTo:
+def routes_to(routes: Routes, goal: Point) -> RoutesTo:
     """Return the routes to a goal; the last four are cached, for drivers that replan."""
-    return routes.to(goal)
+    routes.check("goal", goal)
+    costs = np.full(len(routes.centres), np.inf)
+    following = np.empty(len(costs), np.intp)
+    fill_costs(*routes.dear, routes.side, routes.cell(goal), costs)
+    fill_following(*routes.dear, costs, following)
+    return RoutesTo(routes, goal, costs, following)
 
 
 Numbers = NDArray[np.int64]

@@ -15,15 +15,7 @@ from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics import Bools, Floats, Pose, RoomActions, Singles, arrays
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
-from deqmcl_gym.world import (
-    WORLDS,
-    Robot,
-    Stream,
-    World,
-    episode_stream,
-    extent_of,
-    offices_of,
-)
+from deqmcl_gym.world import WORLDS, Robot, Stream, World, episode_stream, extent_of, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, centred_heading
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
@@ -33,7 +25,6 @@ if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
 
 _FLOAT32 = np.dtype(np.float32)
-_COUNTS = "two", "three", "four"  # numbers in an action with so many heads
 _START_TRIES = 1000
 _FREE_TRIES = 100_000
 _ARGUMENTS = ("preset", "world", *(f.name for f in fields(World)), "horizon", "ends_at_goal")
@@ -52,9 +43,10 @@ class Commands:
         # Comparing numbers takes a tenth of the time of Box.contains.
         self._low, self._high = self.space.low.tolist(), self.space.high.tolist()
         turn = f"a turn from {self._low[1]:.4g} to {self._high[1]:.4g} rad"
+        count = ("two", "three", "four")[len(heads)]
         *parts, last = turn, *(f"{head} from 0 to 1" for head in heads)
         self._allowed = (
-            f"{_COUNTS[len(heads)]} numbers: a distance from 0 to {self._high[0]:g} {unit}"
+            f"{count} numbers: a distance from 0 to {self._high[0]:g} {unit}"
             f"{''.join(f', {part}' for part in parts)} and {last}."
         )
 
@@ -92,7 +84,8 @@ class Commands:
 
     def checked_plan(self, what: str, actions: ArrayLike) -> RoomActions:
         """Return actions as a fresh array, (k, 2) float32; [] has none."""
-        plan = validation.actions(what, actions)
+        none = isinstance(actions, list | tuple) and not actions
+        plan = validation.array(what, np.empty((0, 2)) if none else actions, (None, 2))
         for row in plan:
             self.checked(row)
         return plan.astype(np.float32)
@@ -227,13 +220,6 @@ class RoomRules:
     def rows(self) -> int:
         """Number of planned actions that are shown; of routes, only with a horizon."""
         return self.horizon or self.plan.horizon
-
-    def begun(self, seed: int, number: int) -> tuple[Course, Plan]:
-        """Return course and plan of the ``number``-th episode after seeding."""
-        if self.journeys is None:
-            return self.course, self.plan
-        course = self.journeys.drawn(seed, number)
-        return course, self.plan_for(course)
 
     def of_episode(self, seed: int, number: int) -> tuple["RoomRules", int | None]:
         """Return the rules of an episode, and the seed of the office that it draws, if it does."""

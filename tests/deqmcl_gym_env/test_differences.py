@@ -49,7 +49,7 @@ def there(env):
 
 
 def crowd(env):
-    return env._begun._crowd
+    return env._begun.crowd
 
 
 @pytest.mark.parametrize(("world", "part"), PAIRS)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from room_cases import FLOOR_PLANS, calm, closing_error, drive, poses_of, wrapped
 
 from deqmcl_gym.envs import RoomEnv
+from deqmcl_gym.world.path_kernels import follow
 
 # The corridors are 100 px wide, so the mid-corridor path has the corners (50, 50), (300, 50),
 # (300, 250), (50, 250). From its bottom centre (175, 50): 125 px, 200, 250, 200, 125, in steps of
@@ -84,7 +85,7 @@ def test_a_robot_that_has_not_moved_earns_nothing_wherever_else_the_path_is_near
     path = RoomEnv().course.path
     for x, y, share in np.random.default_rng(3).uniform(0, 1, (50, 3)) * (350, 300, 1):
         arc = share * path.length
-        assert path.follow((x, y), (x + rounding, y), arc) == (arc, 0.0)
+        assert follow(x, y, x + rounding, y, arc, path.edges, path.period) == (arc, 0.0)
 
 
 def test_an_episode_is_done_when_the_robot_touches_the_start_line_after_a_full_turn():

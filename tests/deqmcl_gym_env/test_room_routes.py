@@ -20,7 +20,7 @@ from deqmcl_gym.envs.wrappers import Kidnap
 from deqmcl_gym.maps import Office, PolygonMap
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.course import Path
-from deqmcl_gym.world.route import Routes
+from deqmcl_gym.world.route import Routes, routes_to
 
 ROOM = PolygonMap(**PAPER)
 ROUTES = Routes(ROOM, radius=10.0, comfort=40.0)
@@ -206,16 +206,16 @@ def length(route):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_a_route_leads_from_start_to_goal_clear_of_walls_and_back_the_same_way(seed):
-    start, goal = points(seed, 2)
-    route = ROUTES.to(goal).start_at(start)
+    start, goal = map(tuple, points(seed, 2))
+    route = routes_to(ROUTES, goal).start_at(start)
     assert (route[[0, -1]] == [start, goal]).all()
     assert not ROOM.collides(route[:-1], route[1:], 9.9).any()
-    assert length(ROUTES.to(start).start_at(goal)) == pytest.approx(length(route), rel=0.1)
+    assert length(routes_to(ROUTES, start).start_at(goal)) == pytest.approx(length(route), rel=0.1)
 
 
 def test_a_way_in_sight_is_straight_and_any_keeps_its_distance_where_there_is_room():
-    assert len(ROUTES.to((300, 50)).start_at((50, 50))) == 2
-    route = ROUTES.to((90, 50)).start_at((50, 90))
+    assert len(routes_to(ROUTES, (300, 50)).start_at((50, 50))) == 2
+    route = routes_to(ROUTES, (90, 50)).start_at((50, 90))
     assert ROOM.distance(route).min() >= 35  # comfort, less a cell
 
 
@@ -229,7 +229,7 @@ def test_a_way_in_sight_is_straight_and_any_keeps_its_distance_where_there_is_ro
 )
 def test_places_without_room_are_refused(start, goal, words):
     with pytest.raises(InputError, match=words):
-        ROUTES.to(goal).start_at(start)
+        routes_to(ROUTES, goal).start_at(start)
 
 
 def test_goals_anywhere_in_any_of_several_offices_are_in_the_space():
@@ -243,7 +243,7 @@ def test_goals_anywhere_in_any_of_several_offices_are_in_the_space():
 def graph_of(routes):
     """Costs of steps between neighbouring free cells, a sparse matrix, by the definition."""
     free = {cell: number for number, cell in enumerate(zip(*np.nonzero(routes._room), strict=True))}
-    dear = routes._cell * (1 + 4 * np.clip(1 - routes._room / routes.comfort, 0, 1))
+    dear = routes.side * (1 + 4 * np.clip(1 - routes._room / routes.comfort, 0, 1))
     steps = [step for step in itertools.product((-1, 0, 1), repeat=2) if step != (0, 0)]
     costs = [
         (math.sqrt(down**2 + right**2) * (dear[row, column] + dear[row + down, column + right]) / 2,
@@ -260,7 +260,7 @@ def test_of_ways_at_equal_cost_a_route_takes_that_by_the_nearest_cell_and_of_the
     outer = [(0, 0), (355, 0), (355, 300), (0, 300)]
     block = [(100, 100), (255, 100), (255, 200), (100, 200)]
     routes = Routes(PolygonMap(outer=outer, obstacles=[block]), radius=10.0, comfort=40.0)
-    ways, graph, ties = routes.to((177.5, 50)), graph_of(routes), 0
+    ways, graph, ties = routes_to(routes, (177.5, 50)), graph_of(routes), 0
     for cell, following in enumerate(ways.following):
         its = slice(*graph.indptr[cell : cell + 2])
         near = graph.indices[its]
@@ -276,5 +276,5 @@ def test_costs_are_those_of_scipys_dijkstra_bit_for_bit(seed):
     routes = Routes(Office(seed=seed, **SMALL).grid, radius=0.3, comfort=0.8)
     graph = graph_of(routes)
     for goal in np.random.default_rng(seed).integers(len(routes.centres), size=3):
-        costs = routes.to(tuple(routes.centres[goal])).costs
+        costs = routes_to(routes, tuple(routes.centres[goal])).costs
         np.testing.assert_array_equal(costs, dijkstra(graph, indices=goal))
