@@ -67,10 +67,8 @@ def driven(n=41, step=0.02, turn=0.01):
 
 
 def moving(times, poses, **said):
-    return [
-        ("/odom", ODOMETRY, odometry(t, x, heading, y=y, **said))
-        for t, (x, y, heading) in zip(times, poses, strict=True)
-    ]
+    posed = zip(times, poses, strict=True)
+    return [("/odom", ODOMETRY, odometry(t, x, turn, y=y, **said)) for t, (x, y, turn) in posed]
 
 
 def scanning(times, topic="/scan", **said):
@@ -78,10 +76,8 @@ def scanning(times, topic="/scan", **said):
 
 
 def by_tf(times, poses, parent="odom", base="base_footprint", topic="/tf"):
-    return [
-        (topic, TF, transform(parent, base, x, y, yaw=heading, time=t))
-        for t, (x, y, heading) in zip(times, poses, strict=True)
-    ]
+    posed = zip(times, poses, strict=True)
+    return [(topic, TF, transform(parent, base, x, y, yaw=a, time=t)) for t, (x, y, a) in posed]
 
 
 def bag(path, *messages, plugin=StoragePlugin.SQLITE3, first=0):

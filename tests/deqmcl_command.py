@@ -40,16 +40,11 @@ def exit_code(*arguments):
 
 
 def files(folder):
-    """Contents of all files below a folder, by path."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
+    paths = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
 def lines(out, name="trials.csv"):
-    """Lines of a CSV file, each by column."""
     with (out / name).open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 

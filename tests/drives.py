@@ -46,7 +46,6 @@ def recorded_in_a_hall(steps: int) -> tuple[GridMap, logs.Log]:
 
 
 def write_lap(lap: tuple[GridMap, logs.Log], folder: Path) -> None:
-    """Write hall.yaml, lap.csv, the log without its poses, and these as lap.tum."""
     hall, log = lap
     hall.save(folder / "hall.yaml")
     logs.Trajectory(log.times, log.reference).write(folder / "lap.tum")
@@ -57,10 +56,8 @@ def write_lap(lap: tuple[GridMap, logs.Log], folder: Path) -> None:
 def real(n: int = 30, beams: int = 5, seed: int = 0) -> logs.Log:
     """A log in m as real ones are: uneven times and way, beams without a return, gaps of truth."""
     rng = np.random.default_rng(seed)
-    scanner = logs.Scanner(
-        angles=tuple(np.linspace(-1.5, 1.4, beams)), max_range=8.0, min_range=0.1,
-        mounting=(0.2, -0.05),
-    )  # fmt: skip
+    angles = tuple(np.linspace(-1.5, 1.4, beams))
+    scanner = logs.Scanner(angles=angles, max_range=8.0, min_range=0.1, mounting=(0.2, -0.05))
     steps = rng.normal((0.1, 0.0), (0.05, 0.2), (n - 1, 2))
     odometry = logs.motion.dead_reckoned(steps, (1.0, -2.0, 3.0))
     reference = odometry + rng.normal(0, 0.02, (n, 3))

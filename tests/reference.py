@@ -53,9 +53,8 @@ def mounted(poses: ArrayLike, place: tuple[float, float]) -> Floats:
     """Poses of a lidar at ``place`` on robots at ``poses``, (n, 3), by plain trigonometry."""
     x, y, heading = np.asarray(poses, dtype=np.float64).T
     (ahead, aside), cosine, sine = place, np.cos(heading), np.sin(heading)
-    return np.column_stack(
-        [x + ahead * cosine - aside * sine, y + ahead * sine + aside * cosine, heading]
-    )
+    at = [x + ahead * cosine - aside * sine, y + ahead * sine + aside * cosine]
+    return np.column_stack([*at, heading])
 
 
 def _point_to_segment(p: Floats, a: Floats, b: Floats) -> Floats:

@@ -21,7 +21,6 @@ STEPS = 60
 
 
 def trial_of(localizer, number, *, params=None, world=None, assumed=None, disturbance=(), **given):
-    """A trial of the paper's scenario, unless another one is given."""
     base = {"scenario": "paper", "lag": 20, "seed": 0} | given
     return Trial(
         localizer=localizer,
@@ -61,7 +60,6 @@ def whole(record, scores, way):
 
 
 def trials(localizer, errors, **how):
-    """Finished trials with these errors on worlds 0, 1, …"""
     return [finished(localizer, world, error, **how) for world, error in enumerate(errors)]
 
 
@@ -79,7 +77,6 @@ def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl")
 
 
 def table_of(records, **how):
-    """Rows of results.csv of all panels, by method and offset."""
     table = results(records, **how).table
     return table.set_index(["method", "offset"], drop=False)
 
@@ -128,11 +125,8 @@ def paired(methods, worlds=12, **setting):
     ]
 
 
-THREE = {
-    "mcl": (20.0, (0,)),
-    "deq-mcl": (16.0, (0, -20, 20)),
-    "./my file.py:<b>&Mine$x$": (24.0, (0,)),
-}
+THREE = {"mcl": (20.0, (0,)), "deq-mcl": (16.0, (0, -20, 20))}
+THREE["./my file.py:<b>&Mine$x$"] = (24.0, (0,))
 TURNER = """
 import numpy as np
 

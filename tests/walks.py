@@ -33,10 +33,8 @@ MOST_CALLS = 16_900  # of functions of ours, in a trial of mcl
 MOST_FILES = 160  # of source
 MOST_LINES = {"source": 38_880, "tests": 25_860}
 
-COMMANDS = {
-    "deqmcl paper": "paper --trials 1 --jobs 1 --localizers mcl --out {out}",
-    "a sweep cell": "sweep {cell} --jobs 1 --out {out}",
-}
+COMMANDS = {"deqmcl paper": "paper --trials 1 --jobs 1 --localizers mcl --out {out}"}
+COMMANDS["a sweep cell"] = "sweep {cell} --jobs 1 --out {out}"
 CELL = """
 title = "a cell"
 scenario = "guided"
@@ -115,12 +113,9 @@ def of_command(name: str) -> set[str]:
         (site / "sitecustomize.py").write_text(text)
         words = COMMANDS[name].format(cell=cell, out=Path(folder, "out")).split()
         path = os.pathsep.join([str(site), str(ROOT)])
-        subprocess.run(
-            [sys.executable, "-m", "benchmarks", *words],
-            env=os.environ | {"PYTHONPATH": path},
-            check=True,
-            capture_output=True,
-        )
+        command = [sys.executable, "-m", "benchmarks", *words]
+        env = os.environ | {"PYTHONPATH": path}
+        subprocess.run(command, env=env, check=True, capture_output=True)
         return set(log.read_text().split())
 
 
@@ -168,7 +163,6 @@ def of_a_step() -> tuple[set[str], set[str]]:
 
 
 def walks() -> dict[str, set[str]]:
-    """Return the files that each walk of ``LIMITS`` enters."""
     stepping, updating = of_a_step()
     files = {name: of_command(name) for name in COMMANDS}
     files |= {f"a trial of {method}": of_a_trial(method).files for method in ("mcl", "deq-mcl")}
@@ -176,16 +170,13 @@ def walks() -> dict[str, set[str]]:
 
 
 def source() -> list[Path]:
-    """Return the files of source."""
     return sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
 def lines() -> dict[str, int]:
-    """Return how many lines the source and the tests have."""
     files = {"source": source(), "tests": (ROOT / "tests").rglob("*.py")}
-    return {
-        name: sum(path.read_bytes().count(b"\n") for path in paths) for name, paths in files.items()
-    }
+    lengths = {name: [path.read_bytes().count(b"\n") for path in files[name]] for name in files}
+    return {name: sum(own) for name, own in lengths.items()}
 
 
 def circle() -> list[str]:

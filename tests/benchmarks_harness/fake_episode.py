@@ -40,19 +40,11 @@ def one_point(state, offset):
     return truth_of(state)[None] + [error_of(state, offset), 0, 0], np.ones(1)
 
 
-def episode(
-    steps,
-    offsets,
-    *,
-    points=one_point,
-    ranges=lambda step: USABLE,
-    seconds=0.25,
-    action=lambda step: None,
-):
+def episode(steps, offsets, *, points=one_point, ranges=lambda t: USABLE, action=lambda t: None):
     """Yield moments 0 … steps; offset k is held where the state t + k is one of 0 … steps."""
     for t in range(steps + 1):
         held = {k: points(t + k, k) for k in offsets if 0 <= t + k <= steps}
-        yield Step(t, truth_of(t), ranges(t), FakeBelief(held), seconds, action(t))
+        yield Step(t, truth_of(t), ranges(t), FakeBelief(held), 0.25, action(t))
 
 
 def mean_error(states, offset):
@@ -62,6 +54,5 @@ def mean_error(states, offset):
 
 
 def traced(steps, offsets, scored=None, thresholds=TASK.thresholds, **how):
-    """The trace of such an episode, at the offsets ``scored`` (all of them)."""
     task = replace(TASK, thresholds=thresholds)
     return Trace(episode(steps, offsets, **how), scored or offsets, task)

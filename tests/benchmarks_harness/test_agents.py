@@ -17,6 +17,7 @@ from benchmarks.trials.stage import Stage, key_of
 
 TRIAL = Trial(scenario="guided", localizer="mcl", params=(), lag=0, seed=0, trial=0)
 SWEEP = {"localizers": ["mcl-map", "mcl"], "scenario": "guided", "trials": 2}
+BAD = TURNER.replace("        return np.array", "        {}\n        return np.array")
 
 
 def driven(errors, agent, localizer="mcl", **params):
@@ -31,9 +32,8 @@ def test_agents_are_compared_on_the_same_worlds_with_the_same_localizer():
         records += driven([e + more - 5 for e in rising], "/far/mine.py:Seeker", localizer)
     told = results(records, baseline="still")
     rows = told.table.set_index("label")
-    assert list(rows.index) == [
-        "still with mcl", "Seeker with mcl", "still with mcl-map", "Seeker with mcl-map",
-    ]  # fmt: skip
+    named = [f"{agent} with {one}" for one in ("mcl", "mcl-map") for agent in ("still", "Seeker")]
+    assert list(rows.index) == named
     assert list(rows["is_baseline"]) == [True, False, True, False]
     for localizer in ("mcl", "mcl-map"):
         row = rows.loc[f"Seeker with {localizer}"]
@@ -66,9 +66,8 @@ def test_a_sweep_names_agents_and_their_parameters_and_trials_without_one_are_as
     assert sweep.baseline == "stale"
     again = sweep_of(sweep.canonical(), title="a", takes=sweep.takes)
     assert [t.canonical() for t in again.distinct()] == [t.canonical() for t in sweep.distinct()]
-    tuned = sweep_of(
-        SWEEP | {"agent": "misplaced", "vary": [{"agent": {"shift": [0.0, 9.0]}}]}, title="a"
-    )
+    shifts = SWEEP | {"agent": "misplaced", "vary": [{"agent": {"shift": [0.0, 9.0]}}]}
+    tuned = sweep_of(shifts, title="a")
     assert {trial.agent.params["shift"] for trial in tuned.cells()} == {0.0, 9.0}
     paper = {"scenario": "paper", "params": {"lag": 20, "particles": 1000}, "lag": 20, "trial": 3}
     plain = replace(TRIAL, localizer="deq-mcl", **paper)
@@ -98,9 +97,6 @@ def test_an_agent_of_a_trial_drives_and_its_code_is_in_the_key(tmp_path):
 @pytest.mark.parametrize("name", AGENTS)
 def test_our_agents_keep_all_laws(name):
     assert check("agents", name).failed == ()
-
-
-BAD = TURNER.replace("        return np.array", "        {}\n        return np.array")
 
 
 @pytest.mark.parametrize(

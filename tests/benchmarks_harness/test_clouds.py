@@ -10,27 +10,25 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as generated
 from scipy import stats
 
-from benchmarks.trials import scores
-from benchmarks.trials.clouds import (
-    belief_moments,
-    belief_scores,
-    cloud_of,
-    covariance_floor,
-    joined,
-)
+from benchmarks.trials import clouds, scores
+from benchmarks.trials.clouds import belief_moments, belief_scores, cloud_of, joined
 from deqmcl_gym.validation import InputError
 
 PI = math.pi
 TRUTH = np.array([110.0, 50.0, -3.1])
+KINDS = generated.floating_dtypes() | generated.integer_dtypes()
+NUMBERS = generated.arrays(KINDS, st.just((4, 3)))
+SHAPES = generated.array_shapes(max_dims=2, max_side=4)
+ANYTHING = generated.arrays(generated.scalar_dtypes(), SHAPES)
+# 4 · ½ log(2πe), by hand
+FOUR = 5.6757541328
 
 
 def cloud(n, seed):
     """A correlated cloud about (100, 60, 3.0): headings on both sides of π."""
     rng = np.random.default_rng(seed)
-    z = rng.normal(size=(n, 3))
-    poses = np.column_stack(
-        [100 + 30 * z[:, 0], 60 + 10 * z[:, 0] + 15 * z[:, 1], 3.0 + 0.3 * z[:, 2] + 0.1 * z[:, 1]]
-    )
+    a, b, c = rng.normal(size=(n, 3)).T
+    poses = np.column_stack([100 + 30 * a, 60 + 10 * a + 15 * b, 3.0 + 0.3 * c + 0.1 * b])
     poses[:, 2] = (poses[:, 2] + PI) % (2 * PI) - PI
     return poses, rng.dirichlet(np.ones(n))
 
@@ -45,7 +43,6 @@ def spread(poses, weights):
 
 
 def calibrated(poses, weights, truth=TRUTH, unit="px"):
-    """Energy score, rank, NEES, log score of one cloud."""
     clouds = together((poses, weights), truth=truth)
     return belief_scores(clouds, unit)[0, 8:12]
 
@@ -87,7 +84,7 @@ def test_rank_nees_and_log_score_are_those_of_numpys_linear_algebra():
         angle = math.atan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))
         turned = (poses[:, 2] - angle + PI) % (2 * PI) - PI
         off = np.column_stack([poses[:, :2] - mean, turned])
-        p = (weights[:, None] * off).T @ off + np.diag(covariance_floor("px"))
+        p = (weights[:, None] * off).T @ off + np.diag(clouds.covariance_floor("px"))
         d = np.array([*(TRUTH[:2] - mean), (TRUTH[2] - angle + PI) % (2 * PI) - PI])
         inverse = np.linalg.inv(p[:2, :2])
         own = np.einsum("ni,ij,nj->n", off[:, :2], inverse, off[:, :2])
@@ -155,12 +152,6 @@ def test_a_pose_that_is_not_finite_or_huge_is_refused_also_at_weight_0(column, v
         belief_moments(together((POSES, WEIGHTS), (poses, weights)))
 
 
-KINDS = generated.floating_dtypes() | generated.integer_dtypes()
-NUMBERS = generated.arrays(KINDS, st.just((4, 3)))
-SHAPES = generated.array_shapes(max_dims=2, max_side=4)
-ANYTHING = generated.arrays(generated.scalar_dtypes(), SHAPES)
-
-
 @settings(max_examples=500, deadline=None)
 @given(NUMBERS | NUMBERS.map(np.asfortranarray) | ANYTHING, st.just(np.full(4, 0.25)) | ANYTHING)
 def test_any_points_are_scored_as_numpy_would_or_refused_in_one_sentence(poses, weights):
@@ -216,10 +207,6 @@ def test_the_heading_error_is_the_shorter_way_round_for_any_mean(estimated, true
     means = estimate(0, 0, estimated, length)
     error = scores.heading_error(means, np.array([[5.0, 5.0, true]]))
     assert error == pytest.approx([apart], abs=1e-12)  # a few roundings of numbers below 20
-
-
-# 4 · ½ log(2πe), by hand
-FOUR = 5.6757541328
 
 
 def test_entropy_does_not_fall_below_that_of_the_floors():

@@ -75,11 +75,8 @@ def test_of_variants_the_baseline_is_the_one_with_the_shared_parameters(compared
 
 
 def test_the_rate_of_lost_runs_has_the_wilson_interval_of_as_many_worlds():
-    records = [
-        finished("mcl", w, 1.0, filter_seed=s, scores={"lost": float(w == 0 or (w == 1 and s))})
-        for w in range(10)
-        for s in (0, 1)
-    ]
+    lost = {(w, s): float(w == 0 or (w == 1 and s)) for w in range(10) for s in (0, 1)}
+    records = [finished("mcl", w, 1.0, filter_seed=s, scores={"lost": lost[w, s]}) for w, s in lost]
     row = table_of(records).loc["mcl", 0]
     assert row.lost_rate == pytest.approx(0.15)
     assert (row.lost_low, row.lost_high) == stats.wilson(row.lost_rate, 10)
@@ -110,10 +107,8 @@ def test_a_method_without_the_swept_parameter_is_in_each_panel_with_its_baseline
 
 @pytest.mark.parametrize("baseline", ["few", "mcl-map"])
 def test_methods_with_labels_are_compared_in_one_panel_with_the_first_or_the_one_named(baseline):
-    labelled = [
-        replace(method("mcl-map", particles=n), label=label)
-        for n, label in ((100, "few"), (300, "many"))
-    ]
+    counts = {"few": 100, "many": 300}
+    labelled = [replace(method("mcl-map", particles=n), label=k) for k, n in counts.items()]
     told = replace(results(swept(localizer="mcl-map"), baseline=baseline), labelled=labelled)
     (panel,) = told.panels
     assert list(panel.methods) == ["few", "many", "ekf"]
@@ -150,14 +145,12 @@ def test_settings_are_panels_named_by_what_sets_them_apart():
 
 
 def test_variants_of_a_localizer_are_side_by_side_with_names_of_their_own():
-    labels = {"deq-mcl": {}, "deq-mcl moves=third": {"moves": "third"}, "mcl": {}}
-    records = [
-        finished(label.partition(" ")[0], 0, 1.0, params=params | {"particles": n})
-        for n in (300, 1000)
-        for label, params in labels.items()
-    ]
+    labels, methods = ["deq-mcl", "deq-mcl moves=third", "mcl"], ["deq-mcl", "deq-mcl", "mcl"]
+    runs = [*zip(methods, ({}, {"moves": "third"}, {}), strict=True)]
+    sizes = [{"particles": n} for n in (300, 1000)]
+    records = [finished(name, 0, 1.0, params=own | n) for n in sizes for name, own in runs]
     for panel in panels(records):
-        assert list(panel.methods) == list(labels)
+        assert list(panel.methods) == labels
 
 
 @pytest.mark.parametrize(

@@ -13,16 +13,11 @@ from benchmarks.trials.scoring import record as recorded
 from benchmarks.trials.stage import Stage, _driven, attempt, key_of
 
 METHODS = ["mcl", "deq-mcl", "mcl-map"]
-DISTURBED = (
-    Overrides({"kind": "dropout", "probability": 0.3}),
-    Overrides({"kind": "kidnap", "step": 9}),
-)
+DROPOUT = Overrides({"kind": "dropout", "probability": 0.3})
+DISTURBED = (DROPOUT, Overrides({"kind": "kidnap", "step": 9}))
 WORLDS = {
     "paper": {},
-    "the start is drawn, and told wrong": {
-        "scenario": "sharp",
-        "assumed": {"prior.kind": "displaced"},
-    },
+    "a start drawn, and told wrong": {"scenario": "sharp", "assumed": {"prior.kind": "displaced"}},
     "the agent shows another plan": {"scenario": "guided-stale"},
     "disturbed": {"disturbance": DISTURBED},
     "an office": {"scenario": "kidnapped"},
@@ -31,7 +26,6 @@ WORLDS = {
 
 
 def trials(names=METHODS, **setting):
-    """Trials of these methods on one world."""
     assumed = Overrides(setting.pop("assumed", {}))
     made = paper_sweep(localizers=names, trials=1, lag=4, particles=30, **setting).distinct()
     return [replace(trial, assumed=assumed) for trial in made]
@@ -95,10 +89,8 @@ def test_an_agent_that_looks_at_the_belief_is_driven_anew(drives, monkeypatch):
     agent = AGENTS["on-estimate"]
     act = agent.act
     monkeypatch.setattr(agent, "act", lambda self, *seen: acted.append(seen) or act(self, *seen))
-    results = [
-        attempt(trial, key_of(trial))
-        for trial in trials(["mcl", "mcl-map"], scenario="guided-estimate")
-    ]
+    asked = trials(["mcl", "mcl-map"], scenario="guided-estimate")
+    results = [attempt(trial, key_of(trial)) for trial in asked]
     assert len(acted) == sum(result.record.steps_done for result in results)
 
 

@@ -52,9 +52,8 @@ def fitting(localizers, name):
 
 
 def trials(localizers, scenario="paper", count=1):
-    return paper_sweep(
-        scenario=scenario, localizers=localizers, trials=count, seed=5, lag=LAG, particles=PARTICLES
-    ).distinct()
+    how = {"trials": 1, "seed": 5, "lag": LAG, "particles": PARTICLES}
+    return paper_sweep(scenario=scenario, localizers=localizers, **how).distinct()
 
 
 def believed(stage):
@@ -137,8 +136,6 @@ def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_
 
 
 class Planner:
-    """Turns on the spot, and plans to go on so."""
-
     def __init__(self):
         self.told = []
 
@@ -162,7 +159,6 @@ class Listener:
 
 
 def played(agent, localizer):
-    """The paper's room, and the moments of an agent and a localizer in it."""
     ours = scenario("paper")
     room = ours.room()
     prior = partial(ours.prior_in, room)
@@ -228,11 +224,8 @@ def test_an_author_who_sees_the_true_pose_shows_the_plan_from_there():
     env = Stage.of(law).moments()
     assert np.array_equal(first.plan, next(env).plan[: len(first.plan)])
     # the env plans after the noise of the step, the author before it
-    apart = [
-        np.abs(m.plan[0] - theirs.plan[0]).max()
-        for m, theirs in zip(others, env, strict=False)
-        if len(m.plan) and len(theirs.plan)
-    ]
+    plans = [(own.plan, theirs.plan) for own, theirs in zip(others, env, strict=False)]
+    apart = [np.abs(a[0] - b[0]).max() for a, b in plans if len(a) and len(b)]
     assert np.median(apart) < 0.3
     shifted = replace(law, agent=Named("misplaced", {"shift": 100.0, "turn": 0.3}))
     assert not np.array_equal(next(Stage.of(shifted).moments()).plan[:5], first.plan[:5])

@@ -16,6 +16,9 @@ from benchmarks.sweeps import Sweep
 from localizers import PoseBelief
 
 FEW = {"trials": 2, "params": {"particles": 20}, "lag": 4}
+OFFICE = {"office": {"wings": 1, "corridors": 1, "seed": 3}}
+MCL_MAP = {"name": "mcl-map", "particles": 500}
+QUICK = {"floor_plan": OFFICE, "localizer": MCL_MAP, "max_steps": 40}
 
 
 class Still:
@@ -32,18 +35,15 @@ class Still:
 @pytest.fixture(scope="module")
 def results():
     varied = {"params.particles": [20, 40]}
-    return benchmarks.sweep("paper", localizers=["mcl", Still], vary=varied, **FEW).run(
-        jobs=1, progress=False
-    )
+    experiment = benchmarks.sweep("paper", localizers=["mcl", Still], vary=varied, **FEW)
+    return experiment.run(jobs=1, progress=False)
 
 
 def test_the_tables_are_those_of_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(report, "no_report", lambda: "it is left out")
     file, out = tmp_path / "small.toml", tmp_path / "out"
-    file.write_text(
-        'scenario = "paper"\nlocalizers = ["mcl", "deq-mcl"]\ntrials = 2\nlag = 4\n'
-        "params.particles = 20\n"
-    )
+    text = 'scenario = "paper"\nlocalizers = ["mcl", "deq-mcl"]\ntrials = 2\nlag = 4\n'
+    file.write_text(text + "params.particles = 20\n")
     assert exit_code("sweep", file, "--out", out, "--jobs", "1") == 0
     ours = benchmarks.sweep(file).run(jobs=1, progress=False)
     for name, table in (("results", ours.table), ("trials", ours.trials)):
@@ -124,9 +124,8 @@ def test_an_experiment_keeps_its_classes_and_registers_nothing():
     def made(x):
         return type("Placed", (Still,), {"update": lambda *_: PoseBelief((x, 50.0, 0.0))})
 
-    first, second = (
-        benchmarks.sweep("paper", localizers=["mcl", made(x)], **FEW) for x in (100.0, 300.0)
-    )
+    places = (made(x) for x in (100.0, 300.0))
+    first, second = (benchmarks.sweep("paper", localizers=["mcl", own], **FEW) for own in places)
     errors = [one.run(jobs=1, progress=False).table["error"][1] for one in (first, second, first)]
     assert errors[0] == errors[2] != errors[1]
     assert repr(first) == '<Experiment "The paper\'s experiment": 4 trials of mcl, Placed>'
@@ -137,9 +136,8 @@ def test_numpy_s_numbers_are_numbers_and_each_other_axis_has_a_line_of_its_own()
     varied = {"params.particles": np.arange(10, 30, 10), "world.lidar.beams": [1, np.int64(3)]}
     found = benchmarks.sweep("paper", localizers=["mcl"], vary=varied, **FEW | {"params": {}})
     table = (results := found.run(jobs=1, progress=False)).table
-    assert sorted(zip(table["particles"], table["beams"], strict=True)) == [
-        (10, 1), (10, 3), (20, 1), (20, 3)
-    ]  # fmt: skip
+    pairs = sorted(zip(table["particles"], table["beams"], strict=True))
+    assert pairs == [(10, 1), (10, 3), (20, 1), (20, 3)]
     (axes,) = results.plot("particles").axes
     assert [line.get_label() for line in axes.lines] == ["mcl, beams = 1", "mcl, beams = 3"]
 
@@ -149,18 +147,15 @@ def test_a_parameter_that_is_called_like_a_column_keeps_its_whole_name():
         return Still(robot)
 
     varied = {"params.offset": [1, 2]}
-    table = benchmarks.sweep("paper", localizers=["mcl", shifted], vary=varied, **FEW).run(
-        jobs=1, progress=False
-    ).table  # fmt: skip
+    experiment = benchmarks.sweep("paper", localizers=["mcl", shifted], vary=varied, **FEW)
+    table = experiment.run(jobs=1, progress=False).table
     assert set(table["offset"]) == {0}
     assert sorted(set(table["params.offset"])) == [1, 2]
 
 
 def test_a_sweep_of_ones_own_and_all_its_fields_are_taken():
-    own = Sweep(title="mine", localizers=("mcl",), trials=3)
-    assert benchmarks.sweep(own, seed=5).sweep == Sweep(
-        title="mine", localizers=("mcl",), trials=3, seed=5
-    )
+    own = {"title": "mine", "localizers": ("mcl",), "trials": 3}
+    assert benchmarks.sweep(Sweep(**own), seed=5).sweep == Sweep(**own, seed=5)
     zipped = [{"scenario": ["paper", "guided"], "params.particles": [10, 20]}]
     assert benchmarks.sweep("paper", vary=zipped, localizers=["mcl"]).sweep.planned == 20
     assert benchmarks.sweep("paper").sweep.baseline == "mcl"
@@ -193,15 +188,7 @@ def test_classes_of_a_cell_and_a_module_have_the_same_numbers_in_one_process_and
     assert "OfModule" in one
 
 
-QUICK = {
-    "floor_plan": {"office": {"wings": 1, "corridors": 1, "seed": 3}},
-    "localizer": {"name": "mcl-map", "particles": 500},
-    "max_steps": 40,
-}
-
-
 def spinning(seen, info):
-    """Turns on the spot, and declares as the references do."""
     sure = float(seen["confident"][0] >= 1.0)
     return np.array([0.0, 0.0 if sure else math.pi / 12, sure], np.float32)
 
@@ -219,10 +206,8 @@ class Model:
 
 def test_a_policy_that_does_what_the_reference_does_gains_nothing_in_any_form():
     model = Model()
-    rows = [
-        benchmarks.evaluate("Localize-v0", policy, episodes=3, **QUICK).row
-        for policy in (spinning, model)
-    ]
+    how = {"episodes": 3, **QUICK}
+    rows = [benchmarks.evaluate("Localize-v0", one, **how).row for one in (spinning, model)]
     assert [row["gain"] for row in rows] == [0.0, 0.0]
     assert rows[0]["policy"] == "spinning"
     begun = [asked for asked in model.asked if asked[1]]
@@ -234,10 +219,9 @@ def test_the_return_is_that_of_the_env_whatever_it_is_wrapped_in():
     def small(env):
         return gym.wrappers.TransformReward(env, lambda reward: reward / 100)
 
-    plain, wrapped = (
-        benchmarks.evaluate("Localize-v0", spinning, episodes=2, wrap=wrap, reference=None, **QUICK)
-        for wrap in (None, small)
-    )
+    how = {"episodes": 2, "reference": None, **QUICK}
+    both = [benchmarks.evaluate("Localize-v0", spinning, wrap=one, **how) for one in (None, small)]
+    plain, wrapped = both
     assert plain.episodes.equals(wrapped.episodes)
     assert (plain.episodes["return"] < -10).all()
 

@@ -6,19 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from report_cases import (
-    changed,
-    finished,
-    lines_of,
-    panel_of,
-    panels_of,
-    parsed,
-    results_csv,
-    table_of,
-    trial_of,
-    trials_csv,
-    whole,
-)
+import report_cases
+from report_cases import changed, finished, lines_of, panel_of, parsed, results_csv, table_of, whole
 from test_store import TRIAL, record_of
 
 from benchmarks.report.charts import journey_charts
@@ -33,6 +22,8 @@ from benchmarks.trials.scores import GROUPS
 from benchmarks.trials.scoring import WholeRun
 
 NEVER = math.inf
+WORLDS = 12
+COLUMNS = ["runs", "localized", "metres_median", "steps_median"]
 
 
 def test_the_curve_of_a_hand_made_case_counts_censored_runs_as_not_localized():
@@ -69,7 +60,6 @@ def test_the_sign_test_counts_discordant_pairs_as_mc_nemar_does(better, worse, p
 
 
 def run(method, world, metres, *, way=10.0, success=None, filter_seed=0, **scores):
-    """A finished trial that localizes after so many metres of a way."""
     found = math.isfinite(metres)
     record = finished(method, world, 1.0 + world, filter_seed=filter_seed)
     scores |= {"success_1m": float(found if success is None else success)}
@@ -78,10 +68,7 @@ def run(method, world, metres, *, way=10.0, success=None, filter_seed=0, **score
 
 BLIND = [run("mcl-map", world, metres) for world, metres in enumerate([4.0, NEVER, 8.0, NEVER])]
 AWARE = [run("mcl-plan", world, metres) for world, metres in enumerate([2.0, 3.0, 8.0])]
-FAILED = [trial_of("mcl-plan", 3)]
-
-
-FAILURES = {"baseline": "mcl-map", "failures": [(trial, "boom") for trial in FAILED]}
+FAILURES = {"baseline": "mcl-map", "failures": [(report_cases.trial_of("mcl-plan", 3), "boom")]}
 ROWS = [*BLIND, *AWARE]
 
 
@@ -127,9 +114,9 @@ def test_the_csv_files_have_the_columns_of_what_was_scored_and_no_others():
     assert float(rows[1]["metres_to_localize_diff"]) == -2.25
     assert "recovered" not in rows[0]
     assert "spl" not in rows[0]
-    lines = parsed(trials_csv(BLIND))
+    lines = parsed(report_cases.trials_csv(BLIND))
     assert [line["metres_to_localize"] for line in lines] == ["4.0", "inf", "8.0", "inf"]
-    assert "success_1m" not in parsed(trials_csv([finished("mcl", 0, 1.0)]))[0]
+    assert "success_1m" not in parsed(report_cases.trials_csv([finished("mcl", 0, 1.0)]))[0]
 
 
 def tables_of(panel):
@@ -137,12 +124,8 @@ def tables_of(panel):
     return [(name, table) for name, table in found if table]
 
 
-def shown():
-    return panel_of(ROWS, **FAILURES)
-
-
 def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
-    panel = shown()
+    panel = panel_of(ROWS, **FAILURES)
     ((group, table),) = tables_of(panel)
     assert group == "lost"
     lines = lines_of(table)
@@ -158,11 +141,7 @@ def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
     assert tables_of(plain) == journey_charts(plain) == []
 
 
-WORLDS = 12
-
-
 def sought(method, found, error=2.0, score="success_1m"):
-    """Runs of which the first ``found`` succeed."""
     records = [finished(method, world, error + 0.1 * world) for world in range(WORLDS)]
     return [whole(one, {score: float(w < found)}, 1.0) for w, one in enumerate(records)]
 
@@ -178,9 +157,8 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     panel = panel_of(records)
     rows = parsed(results_csv(records))
     best, following = rows[2], rows[1]
-    low, mean, high = (
-        round(100 * float(best[f"{score}_diff{end}"])) for end in ("_low", "", "_high")
-    )
+    parts = (best[f"{score}_diff{end}"] for end in ("_low", "", "_high"))
+    low, mean, high = (round(100 * float(part)) for part in parts)
     ends = [round(100 * one) for one in wilson(11 / 12, 12)]
     assert verdict_on(panel) == (
         f"mcl-plan is best: {done} in 92 % of runs (95 %: "
@@ -203,17 +181,15 @@ def test_a_share_that_is_not_confirmed_to_be_larger_is_not_called_best():
 
 
 def test_a_glance_at_settings_shows_shares_beside_errors():
-    plain = [
-        finished(name, world, 2.0, scenario="sharp") for name in ("mcl", "amcl") for world in (0, 1)
-    ]
-    glance = glance_table(panels_of([*sought("mcl", 2), *sought("amcl", 11), *plain]))
+    plain = [finished(one, w, 2.0, scenario="sharp") for one in ("mcl", "amcl") for w in (0, 1)]
+    glance = glance_table(report_cases.panels_of([*sought("mcl", 2), *sought("amcl", 11), *plain]))
     assert [line[1:] for line in lines_of(glance)] == [["17 %", "92 % ▲"], ["2.00", "2.00 ="]]
     assert list(glance.about["scores"]) == ["localized to the end (1 m, 30°)", "error e of x[t]"]
     assert list(glance.strong) == [(0, 2), (1, 1), (1, 2)]
 
 
 def test_lost_robots_are_shown_by_when_they_were_localized():
-    best, median_one, worst = films_of(shown())
+    best, median_one, worst = films_of(panel_of(ROWS, **FAILURES))
     laps = [[run.key for run in lap.runs.values()] for lap in (best, median_one, worst)]
     assert laps == [[f"mcl-map-{world}-0", f"mcl-plan-{world}-0"] for world in (0, 1, 2)]
     assert "metres to localize of mcl-plan 2.0" in best.caption
@@ -225,19 +201,14 @@ def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_
         store.put(key, TRIAL, kept := record_of(BLIND[1]), 1.0)
         assert store.get(key, TRIAL).journey == kept.journey
         spoilt = whole(kept, {"success_1m": "yes"}, 1.0)
-        with pytest.raises(
-            ValueError, match=r"expected float \| null, got str at record.journey.scores"
-        ):
+        words = r"expected float \| null, got str at record.journey.scores"
+        with pytest.raises(ValueError, match=words):
             store.put(key, TRIAL, spoilt, 1.0)
         with pytest.raises(ValueError, match="whole run named 'fame'"):
             changed(kept.journey, scores=kept.journey.scores | {"fame": 1.0})
 
 
-COLUMNS = ["runs", "localized", "metres_median", "steps_median"]
-
-
 def run_of(world, way, distance, angle, *, name="mcl", off=0.0, segment=6.0, **params):
-    """A finished trial with such curves, of a start that is off by so much."""
     place = {"world": {"segment": segment}, "assumed": {"prior.distance": off}, "params": params}
     record = changed(finished(name, world, 1.0, **place), unit="m")
     curves = {"way": way, "distance": distance, "angle": angle}
@@ -276,14 +247,8 @@ def test_a_failed_run_is_never_localized_and_other_priors_have_no_row():
 
 def test_rows_are_by_localizer_and_error_and_name_what_else_was_swept():
     places = [("mcl", 1.0, 300), ("amcl", 0.0, 100), ("mcl", 0.0, 300), ("mcl", 1.0, 100)]
-    runs = [
-        run_of(0, [0.0], [0.0], [0.0], name=name, off=off, particles=count)
-        for name, off, count in places
-    ]
+    there = [[0.0]] * 3  # at once
+    runs = [run_of(0, *there, name=name, off=off, particles=n) for name, off, n in places]
     rows = starts_table(runs)[["localizer", "distance_m"]].to_numpy().tolist()
-    assert rows == [
-        ["mcl particles 300", 0.0],
-        ["mcl particles 300", 1.0],
-        ["amcl", 0.0],
-        ["mcl particles 100", 1.0],
-    ]
+    many, few = "mcl particles 300", "mcl particles 100"
+    assert rows == [[many, 0.0], [many, 1.0], ["amcl", 0.0], [few, 1.0]]

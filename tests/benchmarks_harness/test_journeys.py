@@ -5,25 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from report_cases import trial_of
 
-from benchmarks.setup.overrides import Overrides
-from benchmarks.trials import Trial
+from benchmarks.trials import tracks
 from benchmarks.trials.scores import groups_named, journey_scores
 from benchmarks.trials.scoring import record
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import JourneyLog, Trace
-from benchmarks.trials.tracks import (
-    RECOVERED_STEPS,
-    Journey,
-    half_turned,
-    is_symmetric,
-    way_driven,
-    weight_near,
-)
+from benchmarks.trials.tracks import RECOVERED_STEPS, Journey, way_driven, weight_near
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.map import metre
 
 NEVER = math.inf
+STRAIGHT = np.array([[0.0, 0, 0], [3, 0, 0], [3, 3, 1]])
+ANYWHERE = {"prior.kind": "uniform"}
+KIDNAP = ({"kind": "kidnap", "step": 40},)
 
 
 def fixes(distance, angle=0.0, quality=math.nan, *, steps=None, count=None, stride=0.5):
@@ -92,9 +88,6 @@ def test_the_way_is_what_was_commanded_and_a_metre_is_fifty_pixels():
     assert (metre("px"), metre("m")) == (50.0, 1.0)
 
 
-STRAIGHT = np.array([[0.0, 0, 0], [3, 0, 0], [3, 3, 1]])
-
-
 def journey(truth=STRAIGHT, goal=(3.0, 3.2), planned=5.0, contacts=0, **parts):
     """A drive of 6 m that ends 0.2 m from its goal."""
     n = len(truth)
@@ -142,11 +135,11 @@ def test_a_half_turn_is_found_where_the_map_has_one():
     square = [(0, 0), (8, 0), (8, 6), (0, 6)]
     even = PolygonMap(outer=square, obstacles=[[(3, 2), (5, 2), (5, 4), (3, 4)]], unit="m")
     odd = PolygonMap(outer=square, obstacles=[[(3, 2), (5, 2), (5, 4.2), (3, 4)]], unit="m")
-    assert is_symmetric(even)
-    assert not is_symmetric(odd)
-    turned = half_turned(even, np.array([[1.0, 2.0, 0.5]]))
+    assert tracks.is_symmetric(even)
+    assert not tracks.is_symmetric(odd)
+    turned = tracks.half_turned(even, np.array([[1.0, 2.0, 0.5]]))
     assert turned[0] == pytest.approx([7, 4, 0.5 + math.pi])
-    assert half_turned(even, turned)[0] == pytest.approx([1, 2, 0.5 + 2 * math.pi])
+    assert tracks.half_turned(even, turned)[0] == pytest.approx([1, 2, 0.5 + 2 * math.pi])
 
 
 def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():
@@ -157,12 +150,8 @@ def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():
 
 
 def trial(**parts):
-    usual = {"scenario": "sharp", "localizer": "mcl-map", "lag": 0, "seed": 0, "trial": 0}
-    return Trial(**usual | {"params": Overrides({"particles": 300})} | parts)
-
-
-ANYWHERE = (("prior.kind", "uniform"),)
-KIDNAP = (Overrides({"kind": "kidnap", "step": 40}),)
+    usual = {"scenario": "sharp", "lag": 0, "params": {"particles": 300}}
+    return trial_of("mcl-map", 0, **usual | parts)
 
 
 @pytest.mark.parametrize(
@@ -180,7 +169,7 @@ def test_a_trial_has_the_scores_that_its_parts_are_about_and_no_others(parts, ab
 
 
 def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
-    known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
+    known = trial(assumed={"prior.sd_heading": 0.0, "prior.sd_position": 0.0})
     stage, groups = Stage.of(known), groups_named(["lost"])
     trace = Trace(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups))
     kept = record(trace).journey

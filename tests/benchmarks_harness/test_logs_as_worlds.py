@@ -1,8 +1,8 @@
 """A segment of a log is a world, a replayed lap is that lap, its noise is that which made it."""
 
-import functools
 import math
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -23,13 +23,8 @@ from deqmcl_gym.logs.motion import dead_reckoned, increments_of
 from deqmcl_gym.logs.trajectory import referenced
 from deqmcl_gym.validation import InputError
 from localizers import OdometryMotion, make
-from localizers.models.nav2_motion import (
-    MOTION_MODELS,
-    DifferentialMotion,
-    OmniMotion,
-    kind_of,
-    unknown_motion,
-)
+from localizers.models import nav2_motion
+from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, kind_of, unknown_motion
 
 WORLD = """
 log = "data/lap.csv"
@@ -53,6 +48,17 @@ localizers = ["mcl", "dead-reckoning"]
 [params]
 particles = 100
 """
+NOISY = [  # above what is assumed anyway
+    OdometryMotion(drive=0.3, turn=0.4, drift=0.25),
+    DifferentialMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3),
+    OmniMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3, alpha5=0.4),
+]
+STEPS = 4000
+# as of good odometry
+QUIET = [
+    DifferentialMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002),
+    OmniMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002, alpha5=0.01),
+]
 
 
 @pytest.fixture(scope="module")
@@ -169,25 +175,15 @@ def test_an_agent_that_would_drive_a_log_is_refused(folder):
         scenario(str(folder / "hall.toml")).room()
 
 
-STEPS = 4000
-# as of good odometry
-QUIET = [
-    DifferentialMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002),
-    OmniMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002, alpha5=0.01),
-]
-
-
 def told(steps: int = STEPS, seed: int = 0) -> np.ndarray:
     """Increments of 0.1 to 0.4 m, some 0.2 rad each."""
     rng = np.random.default_rng(seed)
-    return np.column_stack(
-        [rng.uniform(0.1, 0.4, steps), np.zeros(steps), rng.normal(0, 0.2, steps)]
-    )
+    ways, turns = rng.uniform(0.1, 0.4, steps), rng.normal(0, 0.2, steps)
+    return np.column_stack([ways, np.zeros(steps), turns])
 
 
-@functools.cache
+@cache
 def done_by(model) -> np.ndarray:
-    """What a robot of a model does when its odometry tells ``told()``."""
     rng, begin = np.random.default_rng(1), np.zeros((3, 1), np.float32)
     ends = np.array([model.sample(begin, one, rng)[:, 0] for one in told()], dtype=float)
     return np.array([increments_of(np.vstack([np.zeros(3), end]))[0] for end in ends])
@@ -203,13 +199,6 @@ def log_of(meant: np.ndarray, done: np.ndarray, every: int = 1, unit: str = "m")
     return referenced(log, truth, max_gap=math.inf)
 
 
-NOISY = [  # above what is assumed anyway
-    OdometryMotion(drive=0.3, turn=0.4, drift=0.25),
-    DifferentialMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3),
-    OmniMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3, alpha5=0.4),
-]
-
-
 @pytest.mark.parametrize("model", NOISY, ids=kind_of)
 def test_noise_above_what_is_assumed_is_found_again_by_a_model_of_its_kind(model):
     # Half of the 4,000 steps tell the noise of drives: √(2 / 2,000) = 3 %, the 99 % point 6 % of a
@@ -221,7 +210,7 @@ def test_noise_above_what_is_assumed_is_found_again_by_a_model_of_its_kind(model
 
 
 @pytest.mark.parametrize("unit", ["m", "px"])
-@pytest.mark.parametrize("kind", MOTION_MODELS)
+@pytest.mark.parametrize("kind", nav2_motion.MOTION_MODELS)
 def test_noise_is_never_less_than_half_of_what_is_assumed_of_an_unknown_robot(kind, unit):
     meant = told(200)
     perfect = log_of(meant * ([50, 50, 1] if unit == "px" else 1), meant, unit=unit)
@@ -275,11 +264,6 @@ def test_what_cannot_be_estimated_from_is_refused_with_what_to_give_instead():
         motion_noise(log_of(meant, meant, every=5))
 
 
-def played(env, localizer, prior, rng):
-    """Yield the moments of a localizer on a whole log."""
-    return moments(env, make_agent("open-loop", None), localizer, lambda: prior, rng, seed=0)
-
-
 @pytest.mark.parametrize("name", ["deq-mcl", "dead-reckoning"])
 def test_a_replayed_lap_is_the_lap_but_for_the_rounding_of_its_odometry(name):
     trial = Trial(scenario="sharp", localizer=name, params=(), lag=20, seed=5, trial=0)
@@ -294,8 +278,9 @@ def test_a_replayed_lap_is_the_lap_but_for_the_rounding_of_its_odometry(name):
         unit="px",
     )
     env = LogEnv(log=log, map=room.floor_plan, horizon=len(log))
-    localizer = make(name, setup.robot_model(room))
-    again = list(played(env, localizer, setup.prior_in(room), trial.filter_rng()))
+    agent, localizer = make_agent("open-loop", None), make(name, setup.robot_model(room))
+    prior = partial(setup.prior_in, room)
+    again = list(moments(env, agent, localizer, prior, trial.filter_rng(), seed=0))
     assert len(again) == len(live)
     for one, other in zip(live, again, strict=True):
         for mine, theirs in zip(one.belief.points(), other.belief.points(), strict=True):

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, files
-from drives import recorded_in_a_hall
+from drives import recorded_in_a_hall, write_lap
 from mcap.reader import make_reader
 from refusals import refused
 from report_cases import trial_of
@@ -22,6 +22,11 @@ from deqmcl_gym.logs.motion import dead_reckoned
 from localizers import best_cluster
 
 FIXED, BYTES = {1: "<d", 5: "<I"}, 2  # wire types
+RUN = ("run", "--scenario", "guided", "--localizer", "mcl", "--particles", "20")
+REPLAY = (
+    *("replay", "lap.csv", "--map", "hall.yaml", "--localizers", "mcl,amcl", "--particles", "50"),
+    *("--set", "assumed.scan.power=0.5", "--seeds", "1", "--jobs", "1"),
+)
 
 
 def decoded(data):
@@ -59,9 +64,8 @@ def read(path):
     found = {}
     with open(path, "rb") as file:
         for schema, channel, message in make_reader(file).iter_messages():
-            found.setdefault(channel.topic, []).append(
-                (message.log_time / 1e9, schema.name, message.data)
-            )
+            told = message.log_time / 1e9, schema.name, message.data
+            found.setdefault(channel.topic, []).append(told)
     return found
 
 
@@ -160,18 +164,10 @@ def test_scans_plans_and_series_are_those_of_the_run(lap):
 
 @pytest.fixture
 def hall(here):
-    hall, log = recorded_in_a_hall(steps=40)
-    hall.save("hall.yaml")
-    logs.Trajectory(log.times, log.reference).write("lap.tum")
-    logs.write(log, "lap.csv")
-    return hall, log
-
-
-RUN = ("run", "--scenario", "guided", "--localizer", "mcl", "--particles", "20")
-REPLAY = (
-    *("replay", "lap.csv", "--map", "hall.yaml", "--localizers", "mcl,amcl", "--particles", "50"),
-    *("--set", "assumed.scan.power=0.5", "--seeds", "1", "--jobs", "1"),
-)
+    lap = recorded_in_a_hall(steps=40)
+    write_lap(lap, here)
+    logs.write(lap[1], "lap.csv")  # with its reference
+    return lap
 
 
 def test_a_replay_has_its_localizers_side_by_side_at_the_times_of_the_log(hall, tmp_path):

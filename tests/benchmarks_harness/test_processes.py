@@ -23,6 +23,7 @@ from benchmarks.trials.stage import Outcome
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 SOON = 20.0  # seconds in which a process that ends is gone; never waited out if all is well
+DONE = Outcome(record={}, seconds=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -83,9 +84,8 @@ def test_processes_that_start_at_once_leave_the_environment_as_it_was():
 def test_a_call_that_takes_too_long_is_given_up_by_name_and_its_process_killed():
     with Processes(1, timeout=0.3) as pool:
         process = pool.submit(calls.pid).result()
-        with pytest.raises(
-            TimedOutError, match=rf"within 0\.3 s: .*process {process}\) was killed"
-        ):
+        words = rf"within 0\.3 s: .*process {process}\) was killed"
+        with pytest.raises(TimedOutError, match=words):
             pool.submit(calls.sleep, 1000).result()
         assert gone([process])
         assert pool.submit(calls.add, 1, 1).result() == 2
@@ -124,21 +124,15 @@ def script(tmp_path, text):
     return subprocess.Popen([sys.executable, path], stdout=subprocess.PIPE, text=True)
 
 
-def test_workers_leave_when_their_parent_is_killed_even_in_mid_call(tmp_path):
-    parent = script(tmp_path, ORPHANS)
+@pytest.mark.parametrize("killed", [True, False])
+def test_workers_leave_in_mid_call_when_their_parent_is_killed_or_just_ends(tmp_path, killed):
+    # as when Ctrl-C comes in the midst of leaving; busy ones sleep for a quarter of an hour
+    parent = script(tmp_path, ORPHANS if killed else ORPHANS.replace("    time.sleep(1000)\n", ""))
     pids = [int(word) for word in parent.stdout.readline().split()]
     assert pids
-    parent.send_signal(signal.SIGKILL)
-    parent.communicate()
-    assert gone(pids)
-
-
-def test_a_command_that_ends_without_leaving_ends_its_workers_too(tmp_path):
-    # As when Ctrl-C comes in the midst of leaving; busy ones sleep for a quarter of an hour.
-    parent = script(tmp_path, ORPHANS.replace("    time.sleep(1000)\n", ""))
-    pids = [int(word) for word in parent.stdout.readline().split()]
-    assert parent.wait(timeout=60) == 0
-    assert pids
+    if killed:
+        parent.send_signal(signal.SIGKILL)
+    assert parent.wait(timeout=60) == (-signal.SIGKILL if killed else 0)
     assert gone(pids)
 
 
@@ -179,9 +173,6 @@ def test_a_worker_that_cannot_start_is_told_from_one_that_died(tmp_path):
     said, _ = script(tmp_path, CANNOT_START).communicate(timeout=60)
     words = r"BrokenExecutor a worker process could not start \(exit code \d\)\n"
     assert re.fullmatch(words, said)
-
-
-DONE = Outcome(record={}, seconds=1.0)
 
 
 @dataclass
@@ -233,10 +224,8 @@ def test_a_trial_that_keeps_ending_its_workers_fails_with_the_reason_after_three
 def test_a_trial_that_would_end_this_process_is_lost_like_a_dead_worker(monkeypatch):
     monkeypatch.setattr(engines, "attempt", lambda trial, key: sys.exit(7))
     (trial,) = paper_sweep(localizers=["mcl"], trials=1).distinct()
-    with (
-        Where(jobs=1).engine([trial]) as engine,
-        pytest.raises(WorkerDiedError, match=r"it called exit\(7\)"),
-    ):
+    ended = pytest.raises(WorkerDiedError, match=r"it called exit\(7\)")
+    with Where(jobs=1).engine([trial]) as engine, ended:
         engine.submit(trial, "a").result()
 
 

@@ -3,20 +3,8 @@
 import re
 
 import pytest
-from report_cases import (
-    STEPS,
-    changed,
-    finished,
-    lines_of,
-    paired,
-    panel_of,
-    panels_of,
-    parsed,
-    results,
-    trials,
-    whole,
-    written,
-)
+import report_cases
+from report_cases import finished, lines_of, paired, panel_of, parsed, results, trials
 
 from benchmarks.report import tables
 from benchmarks.report.verdict import conclusion, verdict_on
@@ -85,7 +73,7 @@ def test_what_is_not_available_reads_na_in_the_tables_never_nan():
 def test_at_a_glance_every_error_has_the_mark_of_its_relation():
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), "b": (24.0, ONE)}, worlds=25)
     records += paired({"mcl": (20.0, ONE), "a": (16.0, ONE)}, worlds=4, scenario="sharp")
-    table = tables.glance_table(panels_of(records))
+    table = tables.glance_table(report_cases.panels_of(records))
     lines = lines_of(table)
     assert list(table.frame) == ["setting", "mcl", "a", "b"]
     assert [line[0] for line in lines] == ["1. paper", "2. sharp"]
@@ -96,7 +84,7 @@ def test_at_a_glance_every_error_has_the_mark_of_its_relation():
 
 def test_the_verdict_has_the_numbers_of_results_csv_and_timings_csv(tmp_path):
     records = paired({"mcl": (20.0, ONE), "mcl-map": (15.0, ONE), "grid": (17.0, ONE)}, worlds=12)
-    written(tmp_path, results(records))
+    report_cases.written(tmp_path, results(records))
     rows = {row["method"]: row for row in parsed((tmp_path / "results.csv").read_text())}
     times = parsed((tmp_path / "timings.csv").read_text())
     spent = {row["method"]: float(row["ms_per_step"]) for row in times}
@@ -158,9 +146,8 @@ def test_the_verdict_says_only_what_is_known(expected):
 def test_of_several_settings_it_is_counted_who_is_best():
     records = paired({"mcl": (20.0, ONE), "deq-mcl": (16.0, ONE)})
     records += paired({"mcl": (20.0, ONE), "deq-mcl": (24.0, ONE)}, scenario="sharp")
-    assert conclusion(results(records)) == (
-        "deq-mcl is best in 1 of 2 settings: in 1 no method is confirmed to be better than mcl."
-    )
+    best = "deq-mcl is best in 1 of 2 settings: in 1 no method is confirmed to be better than mcl."
+    assert conclusion(results(records)) == best
     worse = paired({"mcl": (20.0, ONE), "deq-mcl": (24.0, ONE)}, scenario="matched")
     few = conclusion(results(records[len(worse) :] + worse))
     assert few == "In none of 2 settings is a method confirmed to be better than mcl."
@@ -188,25 +175,21 @@ def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
 
     assert titles("/far/hall.toml", "/far/own.py:Room") == ["scenario hall", "scenario Room"]
     assert file_words(["a b", "a-b-1"]) == ["a-b-2", "a-b-1"]  # no file of another
-    assert titles("/a/hall.toml", "/b/hall.toml") == [
-        "scenario a/hall.toml", "scenario b/hall.toml",
-    ]  # fmt: skip
+    assert titles("/a/hall.toml", "/b/hall.toml") == [f"scenario {one}/hall.toml" for one in "ab"]
 
 
 def on_a_log(errors, coverage, successes=(1.0, 1.0), runs=12, judged=9):
     """Runs of two methods: their median errors, m, their coverage and successes."""
     records = []
-    still = [0.0] * (STEPS + 1)
+    still = [0.0] * (report_cases.STEPS + 1)
     for k, name in enumerate(("mcl", "amcl")):
         track = RecordedTrack(best=(still, still, still), scores={"coverage_95": coverage[k]})
         for world in range(runs):
             scores = {"success_1m": successes[k], "position_median": errors[k]}
-            setting = {
-                "assumed": {"scan.power": 0.1},
-                "world": {"judged": judged} if judged else {},
-            }
-            one = whole(finished(name, world, 1.0, **setting), scores, 9.0)
-            records.append(changed(one, track=track))
+            place = {"judged": judged} if judged else {}
+            setting = {"assumed": {"scan.power": 0.1}, "world": place}
+            one = report_cases.whole(finished(name, world, 1.0, **setting), scores, 9.0)
+            records.append(report_cases.changed(one, track=track))
     return verdict_on(panel_of(records))
 
 
@@ -222,9 +205,7 @@ def test_on_a_log_successes_then_errors_then_coverage_decide_and_who_is_not_fitt
     assert told.startswith("amcl is nearest to the reference: median position error of a run, mean")
     assert "amcl 0.100 m, mcl 0.200 m; amcl - mcl: −0.100 m (−0.100 to −0.100)" in told
     told = on_a_log((0.2, 0.2), (0.9, 0.5))
-    assert told.startswith(
-        "Neither successes nor errors separate the methods, but the 95 % regions"
-    )
+    assert told.startswith("Neither successes nor errors separate the methods, but the 95 % region")
     assert "90 % of mcl's records, 50 % of amcl's records" in told
     assert unfitted not in on_a_log((0.2, 0.2), (0.9, 0.5), judged=None)  # the power was given
     for alike in ((0.9, 0.5), (0.9, 0.9)):  # one run separates nothing

@@ -23,6 +23,8 @@ from deqmcl_gym.world.drawing import PERSON
 from localizers import BeamModel
 from localizers.models.nav2_motion import unknown_motion
 
+agent = partial(make_agent, robot=None)
+
 
 def trial(**changes):
     few = {"scenario": "sharp", "localizer": "dead-reckoning", "params": ()}
@@ -264,9 +266,6 @@ def test_a_bad_scenario_file_is_refused_by_name(tmp_path, text, named):
         Stage.of(trial(scenario=str(path))).check()
 
 
-agent = partial(make_agent, robot=None)
-
-
 @pytest.mark.parametrize(
     ("find", "name", "named"),
     [
@@ -300,10 +299,8 @@ def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(name, spread
 
 def test_a_localizer_is_given_the_map_and_a_film_shows_the_people_that_are_not_on_it():
     crowded = (("clutter.number", 30), ("people.number", 5))
-    stage, plain = (
-        Stage.of(trial(scenario="driving", localizer="mcl", trial=2, world=world))
-        for world in (crowded, ())
-    )
+    there = partial(trial, scenario="driving", localizer="mcl", trial=2)
+    stage, plain = (Stage.of(there(world=world)) for world in (crowded, ()))
     assert stage.robot.floor_plan == plain.robot.floor_plan
     frame = camera_of(stage).scene(next(stage.moments())).image
     assert (frame == PERSON).all(axis=2).sum() > 100

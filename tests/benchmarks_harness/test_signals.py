@@ -19,22 +19,19 @@ from benchmarks.trials.trace import PLAN_COLUMNS, plan_columns, plan_row
 from localizers.inference.belief import PlanReading
 
 NEAR, AWAY = 1.0, 60.0  # errors on either side of 50 px
+KINDS = {"rated": (AWAY, NEAR), "never": (NEAR, NEAR), "always": (AWAY, AWAY)}
+AHEAD = np.tile([5.0, 0.0], (8, 1))  # 40 px straight on
+IN_THE_OPEN, AT_THE_WALL = np.array([30.0, 50.0, 0.0]), np.array([30.0, 50.0, math.pi])
 
 
 def trial(number, steps, *, first_state=0, at_start=NEAR, filter_seed=0):
-    """A record of (quality, error) at t = 1, 2, …"""
     return rated(finished("x", number, 20.0, filter_seed=filter_seed), steps, first_state, at_start)
 
 
 def rated(record, steps, first_state=0, at_start=NEAR):
-    """The same trial with these steps of (quality, error)."""
     errors = [at_start, *(error for _, error in steps)][first_state:]
-    return changed(
-        record,
-        curves={0: ErrorCurve(first_state, errors)},
-        quality=[quality for quality, _ in steps],
-        steps_done=len(steps),
-    )
+    curves, quality = {0: ErrorCurve(first_state, errors)}, [quality for quality, _ in steps]
+    return changed(record, curves=curves, quality=quality, steps_done=len(steps))
 
 
 def random_trials(worlds, *, seed=0, steps=30, seeds=1):
@@ -105,16 +102,10 @@ def test_steps_with_a_quality_are_matched_with_their_own_states(at, auroc, share
     assert found["far_steps"] == share
 
 
-KINDS = {
-    "rated": [(0.2, AWAY), (0.9, NEAR)],
-    "never": [(0.2, NEAR), (0.9, NEAR)],
-    "always": [(0.2, AWAY), (0.9, AWAY)],
-}
-
-
 def test_the_table_says_the_auroc_and_of_how_many_steps():
     far = [20.0] * 3
-    records = [rated(run, KINDS[name]) for name in KINDS for run in trials(name, far)]
+    steps = {name: [*zip((0.2, 0.9), errors, strict=True)] for name, errors in KINDS.items()}
+    records = [rated(run, steps[name]) for name in KINDS for run in trials(name, far)]
     panel = panel_of(records + trials("blind", far))
     table = detection_table(panel)
     assert list(table.frame)[2] == "steps with e > 50 px"
@@ -124,10 +115,6 @@ def test_the_table_says_the_auroc_and_of_how_many_steps():
         ["always", "n/a", "100.0 %", "3 of 3"],
         ["blind", "n/a", "n/a", "n/a"],
     ]
-
-
-AHEAD = np.tile([5.0, 0.0], (8, 1))  # 40 px straight on
-IN_THE_OPEN, AT_THE_WALL = np.array([30.0, 50.0, 0.0]), np.array([30.0, 50.0, math.pi])
 
 
 def read(pose, trusted=math.nan, **reading):

@@ -123,7 +123,6 @@ print(*(path for path in executed if any(map(Path(path).is_relative_to, folders)
 
 
 def modules(package):
-    """Names of the modules of a package of ours, itself included."""
     path = ROOT / package.replace(".", "/")
     if not path.is_dir():
         return {package}

@@ -18,6 +18,7 @@ from benchmarks.trials.scores import JOURNEY_SCORES
 
 NUMBERS = st.floats(-1e6, 1e6)
 TIED = st.integers(-3, 4).map(float)  # zeros among them
+P_VALUES = st.lists(st.floats(0, 1) | st.sampled_from([0.01, 0.5, math.nan]), max_size=12)
 
 
 def worlds(least=0, most=60, of=NUMBERS | TIED):
@@ -74,9 +75,6 @@ def test_wilcoxon_is_scipys_exact_test_of_up_to_fifty(n, seed):
 def test_wilcoxon_is_scipys_approximation_of_many_with_ties(differences):
     expected = scipy_stats.wilcoxon(differences, correction=False, method="approx").pvalue
     assert stats.wilcoxon(differences) == pytest.approx(expected, rel=1e-12)
-
-
-P_VALUES = st.lists(st.floats(0, 1) | st.sampled_from([0.01, 0.5, math.nan]), max_size=12)
 
 
 @given(P_VALUES, st.floats(0, 0.999))
@@ -180,10 +178,8 @@ def null_sweeps(draw, margin, worlds=200, family=1, sweeps=2000):
     rng, wrong = np.random.default_rng(5), 0
     for _ in range(sweeps):
         reference = rng.gamma(16, 1.25, worlds)  # mean 20, SD 5
-        found = [
-            decided(draw(rng, worlds), reference, margin=margin, family=family, worlds=worlds)
-            for _ in range(family)
-        ]
+        how = {"margin": margin, "family": family, "worlds": worlds}
+        found = [decided(draw(rng, worlds), reference, **how) for _ in range(family)]
         wrong += any(n is not None for n, _ in found)
     return wrong / sweeps
 
@@ -250,10 +246,8 @@ def test_shares_of_runs_are_decided_by_points_and_a_larger_one_is_better():
     aim = JOURNEY_SCORES["success_1m"]
 
     def runs(found):
-        records = [
-            whole(finished("mcl", i, 1.0), {aim.name: float(one)}, 5.0)
-            for i, one in enumerate(found)
-        ]
+        plain = zip(trials("mcl", [1.0] * len(found)), found, strict=True)
+        records = [whole(run, {aim.name: float(one)}, 5.0) for run, one in plain]
         return rows_of(records)
 
     rule = Rule(margin=0.05, family=1, worlds=200)

@@ -21,10 +21,10 @@ from deqmcl_gym.files import writable_folder, write_text
 TRIAL = Trial(scenario="paper", localizer="mcl", params=(), lag=20, seed=0, trial=0)
 KEY = "0123abcd"
 DONE = changed(finished("mcl", 0, 1.5), trial=TRIAL, key=KEY, seconds=2.5)
+FILES = {"a.csv": b"a", "images/b.svg": b"b"}
 
 
 def record_of(done):
-    """What a store is given of a finished trial."""
     return TrialRecord(**{name: getattr(done, name) for name in TrialRecord.__struct_fields__})
 
 
@@ -32,7 +32,6 @@ RECORD = record_of(DONE)
 
 
 def stored(out, *keys, shard=None):
-    """Keep a finished trial under each of these keys; return the file's lines."""
     with writing(out, shard) as store:
         for key in keys or (KEY,):
             store.put(key, TRIAL, RECORD, 2.5)
@@ -164,9 +163,6 @@ def test_lines_that_are_no_trial_of_the_sweep_are_named_with_the_reason(tmp_path
         "trials.jsonl, line 2": "is of other code, libraries or plug-ins",
         "trials.jsonl, line 3": "is of a trial that this sweep does not have",
     }
-
-
-FILES = {"a.csv": b"a", "images/b.svg": b"b"}
 
 
 def test_files_are_written_over_those_of_before_beside_the_users(tmp_path):

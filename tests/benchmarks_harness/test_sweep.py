@@ -21,11 +21,12 @@ from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials import Method, stage
 from benchmarks.trials.stage import Stage, provenance_of
 
+CALLS = ("__init__", "reset", "update", "points")
+ONE_JOB = Where(jobs=1)
 
-def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
-    return paper_sweep(
-        localizers=localizers, trials=trials, lag=lag, particles=particles
-    ).distinct()
+
+def suite(localizers=("mcl", "dead-reckoning"), trials=2):
+    return paper_sweep(localizers=localizers, trials=trials, lag=4, particles=15).distinct()
 
 
 def run(trials, out):
@@ -72,9 +73,6 @@ class Sure:
         return localizers.PoseBelief(self.POSE)
 
 
-CALLS = ("__init__", "reset", "update", "points")
-
-
 def broken(call, **methods):
     """A localizer that is its own belief, and fails in one of its calls."""
 
@@ -102,11 +100,7 @@ def test_a_localizer_that_fails_fails_its_own_trials_alone(tmp_path, made, reaso
     assert len(records(tmp_path)) == 1
 
 
-ONE_JOB = Where(jobs=1)
-
-
 def swept(out, names=("sure",), where=ONE_JOB, **said):
-    """Run two trials of each method into a folder; return the results."""
     methods = tuple(Method(name=name) for name in names)
     sweep = Sweep(title="t", localizers=methods, trials=2, params={"particles": 15}, **said)
     with begun(sweep, out, Options(where=where, progress=False), command=[]) as running:
@@ -147,10 +141,8 @@ def test_what_cannot_go_along_is_refused_before_anything_runs(tmp_path):
 
 
 def test_trials_that_fail_are_told_in_python_too(tmp_path):
-    with (
-        localizers.registered("bad", broken("reset")),
-        pytest.warns(FailedWarning, match="2 of 4 trials failed.*broken in reset"),
-    ):
+    told = pytest.warns(FailedWarning, match="2 of 4 trials failed.*broken in reset")
+    with localizers.registered("bad", broken("reset")), told:
         swept(tmp_path, ("dead-reckoning", "bad"))
 
 
@@ -174,10 +166,8 @@ class Nearly(Sure):
 def test_weights_add_up_to_1_or_not_whoever_drives(tmp_path, monkeypatch, agent, off, fails):
     monkeypatch.setattr(Nearly, "OFF", off)
     (trial,) = suite(["mcl"], trials=1)
-    lost = replace(
-        trial, scenario="lost", localizer="nearly", params={}, agent=Named(agent), lag=0,
-        world={"horizon": 10}
-    )  # fmt: skip
+    there = {"scenario": "lost", "localizer": "nearly", "params": {}, "lag": 0}
+    lost = replace(trial, **there, agent=Named(agent), world={"horizon": 10})
     with localizers.registered("nearly", Nearly):
         (reason,) = reasons(*run([lost], tmp_path))
     assert ("add up to 1" in str(reason)) == fails

@@ -44,6 +44,9 @@ world.lidar.sigma = [5.0, 20.0]
 [[vary]]
 params.pilots = [1, 2, 3]
 """
+REPORTS = Path(__file__).parents[2] / "docs" / "reports"
+BESIDE = [path.relative_to(REPORTS).as_posix() for path in sorted(REPORTS.glob("*/*.toml"))]
+MADE = [name for name in (*SUITES, *BESIDE) if name != "basin" and "/log-" not in name]  # need logs
 
 
 def read(tmp_path, text):
@@ -144,9 +147,8 @@ def test_a_sweep_with_a_base_is_that_one_with_the_keys_given_here_replaced_whole
     found = read(tmp_path, 'base = "below/base.toml"\ntrials = 9\nparams = {}\n')
     base = read_sweep(tmp_path / "below" / "base.toml")
     assert found == replace(base, title="my-sweep", trials=9, params=())
-    assert read(tmp_path, 'title = "Mine"\nbase = "lost"') == replace(
-        sweep_named("lost"), title="Mine"
-    )
+    lost = replace(sweep_named("lost"), title="Mine")
+    assert read(tmp_path, 'title = "Mine"\nbase = "lost"') == lost
 
 
 def test_a_base_that_leads_back_to_its_file_or_nowhere_is_refused(tmp_path):
@@ -244,18 +246,9 @@ def test_a_sweep_file_of_another_ending_is_told_how_it_must_end(tmp_path):
             sweep_named(name)
 
 
-REPORTS = Path(__file__).parents[2] / "docs" / "reports"
-BESIDE = [path.relative_to(REPORTS).as_posix() for path in sorted(REPORTS.glob("*/*.toml"))]
-
-
-@pytest.mark.parametrize("name", [name for name in SUITES if name != "basin"])  # needs a log
-def test_every_built_in_suite_can_be_made(name):
-    check(sweep_named(name))
-
-
-@pytest.mark.parametrize("name", [name for name in BESIDE if "/log-" not in name])
-def test_every_sweep_beside_its_report_can_be_made(name):
-    check(sweep_named(str(REPORTS / name)))
+@pytest.mark.parametrize("name", MADE)
+def test_every_built_in_suite_and_every_sweep_beside_its_report_can_be_made(name):
+    check(sweep_named(str(REPORTS / name) if name in BESIDE else name))
 
 
 def test_a_localizer_added_to_a_suite_runs_on_its_worlds_and_one_it_has_is_not_added():

@@ -1,25 +1,16 @@
 """Table 1 with the paper's values; trials.csv, timings.csv; LaTeX, PDF and BibTeX for a paper."""
 
-import csv
 import math
 import re
 from pathlib import Path
 
+import deqmcl_command
 import pytest
+import report_cases
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from report_cases import (
-    THREE,
-    changed,
-    finished,
-    paired,
-    parsed,
-    results,
-    table_of,
-    trials,
-    trials_csv,
-)
+from report_cases import THREE, changed, finished, paired, parsed, results, table_of, trials
 
 import localizers
 from benchmarks.report import escaped, latex_files, pdf_files
@@ -36,6 +27,7 @@ PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of
 }
 UNPRINTED = ("mcl-map-smoother", "dead-reckoning", "somebodys-plug-in")
 PAPER = (4, 6, 9, 11, 13, 15)  # columns
+CITATION = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8"))
 
 
 def lines(*records):
@@ -63,9 +55,8 @@ def test_our_values_are_rounded_and_named():
 
 def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone():
     unknown = {"entropy": None, "wall_share": None}
-    _, now, past = lines(
-        finished("mcl", 0, 5.0), finished("x", 0, {0: 3.5, -20: None}, scores=unknown)
-    )
+    theirs = finished("x", 0, {0: 3.5, -20: None}, scores=unknown)
+    _, now, past = lines(finished("mcl", 0, 5.0), theirs)
     assert (now[2], now[5], now[7]) == ("−1.50", "n/a", "n/a")
     assert (past[2], past[3]) == ("n/a", "n/a (n/a)")
 
@@ -81,7 +72,7 @@ def test_trials_csv_has_a_line_per_trial_and_offset_with_its_counts():
     counted = finished("mcl", 4, 7.5, scores={"entropy": None}, params={"beta": math.inf})
     counted = changed(counted, events={"replanned_steps": 3})
     other = finished("deq-mcl", 4, {0: 1.0, -20: 2.0}, filter_seed=1)
-    first, *rest = parsed(trials_csv([counted, other]))
+    first, *rest = parsed(report_cases.trials_csv([counted, other]))
     expected = {"method": "mcl", "params": '{"beta":"inf"}', "trial": "4", "filter_seed": "0"}
     expected |= {"scenario": "paper", "offset": "0", "error": "7.5", "lag": "20"}
     assert {name: first[name] for name in expected} == expected
@@ -98,15 +89,11 @@ def test_timings_csv_has_a_line_per_trial_in_seconds_and_milliseconds_per_step()
 
 
 def test_the_papers_values_in_the_reports_are_those_printed():
-    with (ROOT / "docs/reports/paper/printed/table1.csv").open() as file:
-        for row in csv.DictReader(file):
-            error, *others = PRINTED[row["method"]]
-            assert f"{row['error']} ({row['error_sd']})" == error
-            names = ("entropy", "var_x", "var_y", "var_cos", "var_sin")
-            assert [row[name] for name in names] == others
-
-
-CITATION = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8"))
+    for row in deqmcl_command.lines(ROOT / "docs/reports/paper/printed", "table1.csv"):
+        error, *others = PRINTED[row["method"]]
+        assert f"{row['error']} ({row['error_sd']})" == error
+        names = ("entropy", "var_x", "var_y", "var_cos", "var_sin")
+        assert [row[name] for name in names] == others
 
 
 @pytest.fixture(scope="module")

@@ -3,20 +3,11 @@
 import json
 import math
 
+import fake_episode
 import msgspec
 import numpy as np
 import pytest
-from fake_episode import (
-    FREE,
-    IN_WALL,
-    TASK,
-    USABLE,
-    FakeBelief,
-    mean_error,
-    one_point,
-    traced,
-    truth_of,
-)
+from fake_episode import IN_WALL, TASK, USABLE, FakeBelief, mean_error, one_point, traced, truth_of
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.episode import Step
@@ -117,7 +108,7 @@ def test_a_belief_of_one_point_is_scored_by_its_distance_alone():
 def test_wall_share_is_the_mean_weight_where_the_robot_does_not_fit():
     def partly(state, offset):  # all inside at s = 0, which is not scored; then 0.3
         shares = (0.0, 1.0) if state == 0 else (0.7, 0.3)
-        return np.array([FREE, IN_WALL]), np.array(shares)
+        return np.array([fake_episode.FREE, IN_WALL]), np.array(shares)
 
     assert scored(traced(T, (0,), points=partly))[0]["wall_share"] == pytest.approx(0.3, **CLOSE)
 
@@ -194,9 +185,8 @@ def test_the_profile_has_every_offset_over_the_same_states():
     steps, lag = 40, 8
     held = range(-lag, lag + 1)
     trace = traced(steps, held, (0, -lag, lag))
-    assert error_profile(trace) == {
-        k: pytest.approx(mean_error((10, 15, 20, 25, 30), k), **CLOSE) for k in range(-8, 9, 2)
-    }
+    expected = {k: mean_error((10, 15, 20, 25, 30), k) for k in range(-8, 9, 2)}
+    assert error_profile(trace) == pytest.approx(expected, **CLOSE)
 
 
 def test_a_belief_is_scored_as_it_was_when_it_was_given():
@@ -229,15 +219,13 @@ def test_scans_used_counts_those_after_the_start_with_at_least_one_usable_beam()
 
 
 def test_the_time_of_a_trial_leaves_the_reset_out():
-    assert traced(4, (0,), seconds=0.25).seconds == 4 * 0.25
+    assert traced(4, (0,)).seconds == 4 * 0.25
 
 
 def rated(*qualities):
     """The trace of an episode whose beliefs have these qualities at t = 0, 1, …"""
-    moments = [
-        Step(t, truth_of(t), USABLE, FakeBelief({0: one_point(t, 0)}, quality), 0.0)
-        for t, quality in enumerate(qualities)
-    ]
+    beliefs = [FakeBelief({0: one_point(t, 0)}, quality) for t, quality in enumerate(qualities)]
+    moments = [Step(t, truth_of(t), USABLE, belief, 0.0) for t, belief in enumerate(beliefs)]
     return Trace(moments, (0,), TASK)
 
 
@@ -270,10 +258,8 @@ def test_a_record_is_strict_json_with_null_for_what_is_unknown():
 
 @pytest.mark.parametrize("silent", [range(T + 1), [4], [T]])
 def test_a_belief_without_points_of_the_present_is_refused_at_whatever_step(silent):
-    moments = [
-        Step(t, truth_of(t), USABLE, FakeBelief({} if t in silent else {0: one_point(t, 0)}), 0.0)
-        for t in range(T + 1)
-    ]
+    held = [{} if t in silent else {0: one_point(t, 0)} for t in range(T + 1)]
+    moments = [Step(t, truth_of(t), USABLE, FakeBelief(own), 0.0) for t, own in enumerate(held)]
     said = f"its belief of state {silent[0]} holds no points of the present"
     with pytest.raises(InputError, match=said):
         Trace(moments, (0,), TASK)

@@ -1,7 +1,9 @@
 """The suite ``basin``: starts that are wrong, and how many runs are localized from there."""
 
+import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,13 +31,11 @@ assumed.prior.angle = [0.0, {RIGHT_ANGLE}]
 
 
 def swept(text):
-    with open("starts.toml", "w", encoding="utf-8") as file:
-        file.write(text)
+    Path("starts.toml").write_text(text, encoding="utf-8")
     return exit_code("sweep", "starts.toml", "--jobs", "1", "--out", "out")
 
 
 def begun(distance, angle, number=0, localizer="mcl"):
-    """The stage of a trial in an office, just begun, with such an error of the start."""
     assumed = {"prior.kind": "displaced", "prior.distance": distance, "prior.angle": angle}
     how = {"scenario": "driving-blind", "assumed": assumed, "lag": 0, "seed": 3}
     trial = trial_of(localizer, number, **how)
@@ -66,9 +66,8 @@ def test_a_displaced_mean_is_off_by_the_distance_and_the_angle_and_stands_in_fre
 def test_a_displaced_prior_keeps_its_spread_and_is_scored_as_of_the_lost():
     stage = begun(1.0, 0.5)
     base = scenario("driving-blind").prior
-    expected = GaussianPrior(
-        mean=(0, 0, 0), sd_position=base.sd_position, sd_heading=base.sd_heading
-    )
+    spread = {"sd_position": base.sd_position, "sd_heading": base.sd_heading}
+    expected = GaussianPrior(mean=(0, 0, 0), **spread)
     assert replace(stage.prior(), mean=(0, 0, 0)) == expected
     assert "lost" in [group.name for group in stage.groups]
 
@@ -80,17 +79,11 @@ def test_dead_reckoning_is_localized_just_where_its_start_is_near_enough(recorde
     rows = lines(recorded / "out", "basin.csv")
     stored = starts_table(results_in("out").records).astype(object).astype(str)
     assert rows == stored.to_dict("records")
-    shares = {
-        (row["distance_m"], row["angle_deg"]): row["share"]
-        for row in rows
-        if row["localizer"] == "dead-reckoning"
-    }
+    own = [row for row in rows if row["localizer"] == "dead-reckoning"]
+    shares = {(row["distance_m"], row["angle_deg"]): row["share"] for row in own}
     # odometry drifts by less than 0.1 m in 2 m: an error of the start stays what it is
-    assert shares == {
-        (d, a): str(float(d in ("0.0", "0.8") and a == "0.0"))
-        for d in ("0.0", "0.8", "1.2")
-        for a in ("0.0", "90.0")
-    }
+    starts = itertools.product(("0.0", "0.8", "1.2"), ("0.0", "90.0"))
+    assert shares == {(d, a): str(float(d != "1.2" and a == "0.0")) for d, a in starts}
     (chart,) = (recorded / "out/images").glob("shares*.svg")
     assert "100 %" in chart.read_text(encoding="utf-8")
 

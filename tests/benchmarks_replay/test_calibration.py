@@ -18,6 +18,8 @@ from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of
 from deqmcl_gym.maps import GridMap
 
 EVERY = {"world.every": "0.1m,5deg"}
+STRAY = [(32, 100)]  # a cell on the robot's way, 5 cm wide
+SPECKLED = [(row, column) for row in range(13, 60, 6) for column in range(70, 131, 12)]
 
 
 def hall() -> GridMap:
@@ -39,9 +41,8 @@ def recorded(seed: int, laps: int = 1) -> logs.Log:
     truth = dead_reckoned(np.array(lap * laps), start)
     moved = increments_of(truth)
     moved *= 1 + rng.normal(0, 0.1, moved.shape)
-    scanner = logs.Scanner(
-        angles=tuple(np.linspace(-1.5, 1.5, 60)), max_range=20.0, mounting=(0.2, 0.05)
-    )
+    angles = tuple(np.linspace(-1.5, 1.5, 60))
+    scanner = logs.Scanner(angles=angles, max_range=20.0, mounting=(0.2, 0.05))
     ranges = hall().ranges(composed(truth, np.array([0.2, 0.05, 0.0])), scanner.bearings)
     ranges = ranges + rng.normal(0, 0.03, ranges.shape)
     return logs.Log(scanner, np.arange(len(truth)) * 0.1, dead_reckoned(moved), ranges, truth)
@@ -101,10 +102,6 @@ def test_without_enough_of_a_reference_the_power_stays(replay, folder):
     assert judged_after_part(blind) == blind
 
 
-STRAY = [(32, 100)]  # a cell on the robot's way, 5 cm wide
-SPECKLED = [(row, column) for row in range(13, 60, 6) for column in range(70, 131, 12)]
-
-
 def largest_errors(tmp_path, cells, name, power, **params):
     """Of each of two runs on a hall with these cells occupied on the map, but not in the hall."""
     occupancy = hall().occupancy.copy()
@@ -127,9 +124,7 @@ def largest_errors(tmp_path, cells, name, power, **params):
 
 @pytest.mark.parametrize("power", [0.05, 0.02])  # of the two real logs
 @pytest.mark.parametrize(("cells", "off"), [(STRAY, 0.2), (SPECKLED, 1.0)])
-def test_cells_that_are_not_there_cost_the_papers_charge_but_not_the_default(
-    tmp_path, cells, off, power
-):
+def test_cells_not_there_cost_the_papers_charge_but_not_the_default(tmp_path, cells, off, power):
     blind, default, paper = (
         largest_errors(tmp_path, cells, name, power, **params)
         for name, params in (("mcl", {}), ("mcl-map", {}), ("mcl-map", {"beta": 10.0}))

@@ -15,6 +15,8 @@ from benchmarks.robots.residuals import HIT, THROUGH, Residuals
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import dead_reckoned, increments_of
 
+GONE, NEW = (slice(28, 40), slice(54, 60)), (slice(40, 46), slice(66, 72))  # cells of the hall
+
 
 @pytest.fixture(scope="module")
 def rounds():
@@ -90,9 +92,6 @@ def test_score_tells_of_an_estimate_that_is_late(rounds, here, capsys):
     logs.Trajectory(rounds[1].times[:50], rounds[1].reference[:50]).write("part.tum")
     assert exit_code("score", "part.tum", "--reference", "lap.tum", "--out", "p") == 0
     assert "% of the reference's time" in capsys.readouterr().err
-
-
-GONE, NEW = (slice(28, 40), slice(54, 60)), (slice(40, 46), slice(66, 72))  # cells of the hall
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,12 @@
 """``replay --nav2``: all of a user's AMCL parameters are accounted for."""
 
-import csv
 import json
 import os
 import re
 import tomllib
 from pathlib import Path
 
+import deqmcl_command
 import numpy as np
 import pandas as pd
 import pytest
@@ -46,12 +46,16 @@ local_costmap:
     ros__parameters:
       resolution: 0.05
 """
+ELSEWHERE = {
+    "bt: {}\namcl: {ros__parameters: {pf_z: 0.7}}": "amcl",
+    "bt: {ros__parameters: {a: {b: 1, b: 2}}}": "bt.ros__parameters.a.b",
+    "ns: {bt: {ros__parameters: {a: 1}}, bt: {ros__parameters: {a: 2}}}": "ns.bt.ros__parameters.a",
+}
+PARTS = st.lists(st.sampled_from(["*", "**", "amcl", "a", "b"]), min_size=1, max_size=4)
 
 
 @pytest.fixture
 def params(tmp_path):
-    """A function that writes a parameter file, some of its lines changed."""
-
     def written(old="", new=""):
         assert old in BRINGUP
         path = tmp_path / "nav2_params.yaml"
@@ -208,13 +212,6 @@ def test_a_launch_substitution_that_is_needed_and_has_no_default_is_refused(tmp_
         assert f"not used: {name} (a launch substitution: no start is taken)" in found.notes[0]
 
 
-ELSEWHERE = {
-    "bt: {}\namcl: {ros__parameters: {pf_z: 0.7}}": "amcl",
-    "bt: {ros__parameters: {a: {b: 1, b: 2}}}": "bt.ros__parameters.a.b",
-    "ns: {bt: {ros__parameters: {a: 1}}, bt: {ros__parameters: {a: 2}}}": "ns.bt.ros__parameters.a",
-}
-
-
 @pytest.mark.parametrize("text", ELSEWHERE)
 def test_a_key_that_is_given_twice_is_a_note_and_the_later_counts(tmp_path, text):
     path = of_amcl(tmp_path / "x.yaml", "pf_z: 0.9")
@@ -228,18 +225,13 @@ def test_a_key_that_is_given_twice_is_a_note_and_the_later_counts(tmp_path, text
     assert [name for name in ("bt", "ns") if name in document]
 
 
-PARTS = st.lists(st.sampled_from(["*", "**", "amcl", "a", "b"]), min_size=1, max_size=4)
-
-
 @settings(max_examples=100, deadline=None)
 @given(
     st.lists(PARTS, min_size=1, max_size=5, unique_by=tuple),
     st.lists(st.sampled_from(["a", "b"]), max_size=3),
     st.randoms(use_true_random=False),
 )
-def test_nodes_and_wildcards_that_fit_are_applied_in_order(
-    tmp_path_factory, patterns, namespace, random
-):
+def test_nodes_and_wildcards_that_fit_apply_in_order(tmp_path_factory, patterns, namespace, random):
     name = "/".join(["", *namespace, "amcl"])
     lines, last = [], None
     for i, parts in enumerate(patterns):
@@ -294,10 +286,8 @@ def test_wildcards_alone_have_the_amcl_that_most_of_them_fit(tmp_path, nodes, na
 
 def test_a_wildcard_that_overrides_amcl_is_told_and_a_typing_error_is_no_node(tmp_path):
     path = tmp_path / "x.yaml"
-    path.write_text(
-        "amcl: {ros__parameters: {pf_z: 0.9, z_hit: 0.4}}\n"
-        "/**: {ros__parameters: {pf_z: 0.8, use_sim_time: true}}"
-    )
+    own = "amcl: {ros__parameters: {pf_z: 0.9, z_hit: 0.4}}\n"
+    path.write_text(own + "/**: {ros__parameters: {pf_z: 0.8, use_sim_time: true}}")
     found = read_nav2(path)
     (note,) = found.notes
     assert note.endswith("overridden by a wildcard that stands after /amcl, as in rclcpp: pf_z")
@@ -320,14 +310,8 @@ def test_the_sweep_file_runs_as_it_is_printed_with_a_log_in_it(params, recorded,
     Path("amcl.toml").write_text(capsys.readouterr().out)
     assert os.listdir() != ["results"]
     printed = read_sweep(Path("amcl.toml"))
-    plan = planned(
-        "lap.csv",
-        "hall.yaml",
-        ("amcl", "mcl-smoother"),
-        nav2=[read_nav2(params())],
-        settings={"params.amcl.max_particles": 400},
-        seeds=1,
-    )
+    told = {"settings": {"params.amcl.max_particles": 400}, "nav2": [read_nav2(params())]}
+    plan = planned("lap.csv", "hall.yaml", ("amcl", "mcl-smoother"), seeds=1, **told)
     assert (printed.world, printed.assumed) == (plan.sweep.world, plan.sweep.assumed)
     amcl, smoother = printed.distinct()
     assert amcl == plan.sweep.distinct()[0]
@@ -346,8 +330,8 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     assert "differential, alpha1 0.04, alpha2 0.08, alpha3 0.09, alpha4 0.2" in said.out
     assert "around (2.20, 1.00, 0.10 rad)" in said.out
     assert f"{len(logs.read('lap.csv').spaced(0.25, 0.05))} records" in said.out
-    with open("out/results.csv", newline="") as file:
-        assert [row["localizer"] for row in csv.DictReader(file)] == ["amcl", "dead-reckoning"]
+    rows = deqmcl_command.lines(Path("out"), "results.csv")
+    assert [row["localizer"] for row in rows] == ["amcl", "dead-reckoning"]
     assert main([*command, "--node", "nobody", "--out", "other"]) == 2
 
 
@@ -355,10 +339,8 @@ def test_several_files_are_rows_of_one_table_compared_with_the_first(recorded, c
     for name, sigma, beams in (("a", 0.1, 30), ("b", 0.3, 20), ("same", 0.1, 30)):
         of_amcl(Path(f"{name}.yaml"), f"sigma_hit: {sigma}", f"max_beams: {beams}")
     command = ["replay", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--seeds", "2"]
-    several = [
-        *command,
-        *(word for name in ("a", "b", "same") for word in ("--nav2", f"{name}.yaml")),
-    ]
+    files = (word for name in ("a", "b", "same") for word in ("--nav2", f"{name}.yaml"))
+    several = [*command, *files]
     told = [*several, "--set", "params.amcl.pf_err=0.2", "--jobs", "1", "--out", "out"]
     assert main(told) == 0
     said = capsys.readouterr().out

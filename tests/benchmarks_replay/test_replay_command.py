@@ -37,6 +37,9 @@ class Broken:
     def reset(self, prior, plan, rng): raise OSError("no laser")
     def update(self, ranges, action, plan): ...
 """
+ROOM = PolygonMap(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)), unit="m")
+SIDES = np.arange(1.0, 11.0)
+TEMPLATE = "localizers.template:MyLocalizer"
 
 
 def of_motion(params):
@@ -50,24 +53,18 @@ def lap():
 
 
 def replay(*words, drawn=False):
-    """Run the command, which draws no report unless told so; its exit code."""
     with pytest.MonkeyPatch.context() as patched:
         if not drawn:
             patched.setattr(command, "no_report", lambda: "it is left out")
         return exit_code("replay", *words)
 
 
-ROOM = PolygonMap(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)), unit="m")
-SIDES = np.arange(1.0, 11.0)
-
-
 def drive(n, interpolated=None):
     """A log of n records, 1 m and 1 s apart by odometry; the reference stays where it is."""
     at = np.outer(np.arange(float(n)), [1.0, 0.0, 0.0])
     scanner = logs.Scanner(angles=(0.0, 1.0), max_range=80.0)
-    return logs.Log(
-        scanner, at[:, 0], at, np.full((n, 2), 9.0), np.zeros((n, 3)), interpolated=interpolated
-    )
+    seen, still = np.full((n, 2), 9.0), np.zeros((n, 3))
+    return logs.Log(scanner, at[:, 0], at, seen, still, interpolated=interpolated)
 
 
 def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
@@ -124,7 +121,6 @@ def test_coverage_and_nees_are_of_the_records_that_are_judged_and_stamps_leave_o
 
 
 def tum(path):
-    """Poses x, y, θ by time, as the text says."""
     rows = [list(map(float, line.split())) for line in path.read_text().splitlines()]
     return {t: (x, y, 2 * math.atan2(qz, qw)) for t, x, y, _, _, _, qz, qw in rows}
 
@@ -284,9 +280,8 @@ def test_the_verdict_stands_first_and_how_many_runs_would_confirm_a_difference(r
     assert replay(*KNOWN, "--localizers", "mcl,amcl,dead-reckoning", "--out", "o", drawn=True) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert told.startswith("3 runs each cannot decide: give --seeds 9 or more.")
-    errors = {
-        row["localizer"]: float(row["position_median"]) for row in lines(Path("o"), "results.csv")
-    }
+    rows = lines(Path("o"), "results.csv")
+    errors = {row["localizer"]: float(row["position_median"]) for row in rows}
     ranked = ", ".join(f"{name} {errors[name]:.3f} m" for name in sorted(errors, key=errors.get))
     assert f"Position error, median over all records: {ranked}. Worst run: " in told
     # 3 runs cannot give p < 0.05 in so many tests: 2 × 2⁻³ is 0.25 alone
@@ -387,9 +382,8 @@ def test_a_localizer_has_its_own_parameters_before_the_number_of_particles():
 )
 def test_the_power_is_fitted_only_where_a_localizer_uses_it(recorded, monkeypatch, words, fits):
     fitted = []
-    monkeypatch.setattr(
-        "benchmarks.robots.calibration.with_fitted_power", lambda replay: fitted.append(1) or replay
-    )
+    place = "benchmarks.robots.calibration.with_fitted_power"
+    monkeypatch.setattr(place, lambda replay: fitted.append(1) or replay)
     assert replay(*KNOWN, "--seeds", "1", *words, "--out", "o") == 0
     assert bool(fitted) is fits
 
@@ -439,9 +433,6 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     )
     assert "sideways: for a robot that can move so, add --set assumed.motion" in plain
     assert omni is None
-
-
-TEMPLATE = "localizers.template:MyLocalizer"
 
 
 def test_a_notebook_replays_a_log_with_its_own_class_and_gets_the_commands_tables(recorded):

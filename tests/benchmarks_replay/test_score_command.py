@@ -24,6 +24,7 @@ REPLAY = ("replay", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "
 REPLAY += ("--localizers", "mcl", "--particles", "100", "--seeds", "2")
 REPLAY += ("--set", "world.max_beams=20")
 WHOLE = ("--reference", "lap.tum", "--log", "lap.csv", "--map", "hall.yaml")
+COVARIANCES = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +86,8 @@ def test_between_its_poses_an_estimate_is_carried_on_by_the_odometry(here):
 def test_a_log_is_scored_at_the_records_that_replay_plays(here, tmp_path):
     whole, late = logs.read_tum("lap.tum"), str(tmp_path / "late.tum")
     logs.Trajectory(whole.times[5:], whole.poses[5:]).write(late)
-    played = replay_of(
-        "lap.csv", "hall.yaml", reference=late, settings={"world.every": "0.1m,5deg"}
-    ).log
+    told = {"reference": late, "settings": {"world.every": "0.1m,5deg"}}
+    played = replay_of("lap.csv", "hall.yaml", **told).log
     for floor_plan in ("hall.yaml", None):
         scored = played_by_replay("lap.csv", late, {}, floor_plan, "0.1m,5deg").log
         for name in ("times", "odometry", "ranges", "reference"):
@@ -137,11 +137,7 @@ def test_gaussians_are_calibrated_by_the_chi_squared_distribution():
         assert abs((rank <= p).mean() - p) < 4 * math.sqrt(p * (1 - p) / n)
 
 
-COVARIANCES = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
-
-
 def write_estimate(path, times, poses, spread):
-    """An estimate with the same covariance at all times, as CSV."""
     upper = np.asarray(spread)[np.triu_indices(3)].tolist()
     rows = [(t, *pose, *upper) for t, pose in zip(times, np.asarray(poses).tolist(), strict=True)]
     path.write_text("\n".join([COVARIANCES, *(",".join(map(repr, row)) for row in rows)]))
@@ -200,9 +196,7 @@ def test_beside_what_a_stack_published_stands_what_a_calibration_of_it_would_hav
         (("lap.tum", "--reference", "lap.tum", "--fail-if", "p95 > 1"), "unknown column"),
     ],
 )
-def test_what_cannot_be_scored_is_refused_and_nothing_is_written(
-    here, tmp_path, capsys, words, said
-):
+def test_what_cannot_be_scored_is_refused_and_nothing_written(here, tmp_path, capsys, words, said):
     reference = logs.read_tum("lap.tum")
     logs.Trajectory(reference.times + 1e4, reference.poses).write("late.tum")
     assert exit_code("score", *words, "--out", tmp_path / "s") == 2
@@ -278,7 +272,6 @@ def test_what_is_no_limit_is_refused(words, told):
 
 
 def tracks(seed, n=120):
-    """A drive with turns beyond ±π, and an estimate of it."""
     rng = np.random.default_rng(seed)
     reference = np.cumsum(rng.normal(0.1, 0.5, (n, 3)), axis=0)
     return reference + rng.normal(0, 0.3, (n, 3)), reference

@@ -18,11 +18,14 @@ def start(log):
     return ",".join(map(str, log.reference[0].tolist()))
 
 
+def smoothed_of(log, particles=200, seeds=2):
+    how = {"start": start(log), "settings": SETTINGS, "particles": particles, "seeds": seeds}
+    return benchmarks.smooth("lap.csv", "hall.yaml", **how)
+
+
 def test_it_is_nearer_to_the_truth_than_the_filter_and_knows_how_near(recorded, lap):
     _, log = lap
-    smoothed = benchmarks.smooth(
-        "lap.csv", "hall.yaml", start=start(log), settings=SETTINGS, particles=300, seeds=3
-    )
+    smoothed = smoothed_of(log, particles=300, seeds=3)
     truth = log.reference[np.searchsorted(log.times, smoothed.log.times)]
     error = absolute(smoothed.poses, truth)
     replayed = benchmarks.replay(
@@ -31,9 +34,8 @@ def test_it_is_nearer_to_the_truth_than_the_filter_and_knows_how_near(recorded, 
     )  # fmt: skip
     filtered = [absolute(track.best, truth).rmse for track in replayed.runs["track"]]
     assert error.rmse < np.mean(filtered)
-    off = np.abs(smoothed.poses - truth)[:, :2] / np.sqrt(
-        np.diagonal(smoothed.covariances, axis1=1, axis2=2)[:, :2]
-    )
+    variances = np.diagonal(smoothed.covariances, axis1=1, axis2=2)[:, :2]
+    off = np.abs(smoothed.poses - truth)[:, :2] / np.sqrt(variances)
     assert (off < 3).mean() > 0.9
     assert "may serve as a reference" in smoothed.verdict
     assert not smoothed.doubtful.any()
@@ -42,11 +44,8 @@ def test_it_is_nearer_to_the_truth_than_the_filter_and_knows_how_near(recorded, 
 def test_the_command_writes_what_score_and_replay_read(recorded, lap):
     _, log = lap
     assert exit_code(*COMMAND, f"--start={start(log)}", "--out", "smooth") == 0
-    assert (
-        exit_code(
-            "score", "smooth/smoothed.csv", "--reference", "lap.tum", "--out", "scored"
-        ) == 0
-    )  # fmt: skip
+    scoring = ("score", "smooth/smoothed.csv", "--reference", "lap.tum", "--out", "scored")
+    assert exit_code(*scoring) == 0
     (row,) = lines(recorded / "scored", "results.csv")
     assert float(row["position_median"]) < 0.1
     assert float(row["nees"]) < 6
@@ -66,9 +65,7 @@ def test_a_stretch_that_the_map_does_not_explain_is_named_and_left_out(recorded,
     ranges = log.ranges.copy()
     ranges[30:45] = np.random.default_rng(0).permuted(ranges[30:45], axis=1)
     logs.write(logs.Log(log.scanner, log.times, log.odometry, ranges, None, "m"), "lap.csv")
-    smoothed = benchmarks.smooth(
-        "lap.csv", "hall.yaml", start=start(log), settings=SETTINGS, particles=200, seeds=2
-    )
+    smoothed = smoothed_of(log)
     smoothed.write("smooth")
     assert "Left out of smoothed.tum" in smoothed.verdict
     kept = logs.read_tum("smooth/smoothed.tum").times
@@ -88,9 +85,7 @@ def shuffled(log):
 def test_poses_that_the_log_speaks_against_are_no_reference(recorded, lap, scans, words):
     _, log = lap
     logs.write(logs.Log(log.scanner, log.times, log.odometry, scans(log), None, "m"), "lap.csv")
-    smoothed = benchmarks.smooth(
-        "lap.csv", "hall.yaml", start=start(log), settings=SETTINGS, particles=200, seeds=2
-    )
+    smoothed = smoothed_of(log)
     assert words in smoothed.objection
     assert {path.name for path in smoothed.write("smooth")} == {"smoothed.csv"}
 
@@ -101,9 +96,8 @@ def test_means_and_covariances_of_headings_go_round_the_circle():
     paths[..., 2] = np.angle(np.exp(1j * paths[..., 2]))
     mean = mean_poses(paths)
     np.testing.assert_allclose(mean, np.full((4, 3), [1.0, 2.0, 3.1]), atol=0.01)
-    np.testing.assert_allclose(
-        covariances(paths, mean), np.stack([np.eye(3) * 0.04] * 4), atol=0.002
-    )
+    expected = np.stack([np.eye(3) * 0.04] * 4)
+    np.testing.assert_allclose(covariances(paths, mean), expected, atol=0.002)
 
 
 @pytest.mark.parametrize(

@@ -61,13 +61,11 @@ def here(folder, monkeypatch):
 
 @pytest.fixture
 def before(hall, monkeypatch):
-    """Where nothing need have been searched."""
     monkeypatch.chdir(hall)
     return hall
 
 
 def searched(out, *words, space=None, log=None):
-    """Search into a folder by ``MCL``, in another space or log if these are given."""
     given = {"space.toml": space, "lap.csv": log}
     base = [given.get(word) or word for word in MCL]
     assert exit_code(*base, *words, "--jobs", "1", "--out", out) == 0
@@ -174,8 +172,6 @@ class Stated:
     def update(self, *given):
         return self._of(self._inner.update(*given))
 """
-
-
 FRAIL = """
 class Frail(Stated):
     def update(self, *given):
@@ -203,9 +199,7 @@ def among_two_kinds(folder, score, *more, name="Stated"):
         ("log-score", "near and sure"),  # as its covariance is calibrated
     ],
 )
-def test_a_belief_is_judged_by_its_quality_and_calibrated_covariance(
-    before, tmp_path, score, winner
-):
+def test_a_belief_is_judged_by_quality_and_calibrated_covariance(before, tmp_path, score, winner):
     assert among_two_kinds(tmp_path, score) == 0
     (cell,) = read_sweep(tmp_path / "out" / "best.toml").cells()
     assert cell.params["kind"] == winner
@@ -217,9 +211,8 @@ def test_a_winner_whose_region_holds_less_than_that_of_the_default_is_warned_of(
     told = (tmp_path / "out" / "tuned.md").read_text()
     assert "Warning: the 95 % region that the tuned filter believes holds 0.0 % of the ref" in told
     best = (tmp_path / "out" / "best.toml").read_text()
-    (calibration,) = re.findall(
-        r"# publish its covariance by localizers\.(Calibration\(.*\))", best
-    )
+    pattern = r"# publish its covariance by localizers\.(Calibration\(.*\))"
+    (calibration,) = re.findall(pattern, best)
     assert f"Publish its covariance by localizers.{calibration}" in told
 
 
@@ -377,11 +370,8 @@ def test_a_latin_hypercube_has_one_candidate_in_each_strip():
 
 
 def test_a_candidate_beside_another_stays_in_the_space_and_moves_something():
-    space = {
-        "n": Range(low=5, high=50, log=True, whole=True),
-        "x": Range(low=-1.0, high=1.0),
-        "c": Choice(("a", "b")),
-    }
+    number = Range(low=5, high=50, log=True, whole=True)
+    space = {"n": number, "x": Range(low=-1.0, high=1.0), "c": Choice(("a", "b"))}
     rng = np.random.default_rng(0)
     for _ in range(300):
         found = neighbour(space, {"x": 0.99, "c": "a"}, {"n": 1000}, rng)
@@ -451,9 +441,7 @@ def test_the_least_and_the_most_particles_keep_to_those_of_a_nav2_file(given, mo
         ((*MCL, "--space", "bad.toml"), "particles"),
     ],
 )
-def test_what_cannot_be_tuned_is_refused_and_nothing_is_written(
-    here, tmp_path, capsys, words, said
-):
+def test_what_cannot_be_tuned_is_refused_and_nothing_written(here, tmp_path, capsys, words, said):
     (here / "bad.toml").write_text("particles = [0, 10]\n")
     assert exit_code(*words, "--out", tmp_path / "o") == 2
     sentence = capsys.readouterr().err.splitlines()[-1]

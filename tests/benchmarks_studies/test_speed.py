@@ -14,6 +14,11 @@ from benchmarks.studies.speed import RATIOS, Effort, Job, beside
 from deqmcl_gym.world import PAPER_ROOM
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
+BOUNDS = {  # of ratios within one process, never a time; far from what we aim at
+    "rays_vs_numpy": (3.0, math.inf),
+    "deq_vs_map_step": (0.0, 2.0),
+    "deq_lag80_vs_lag10": (0.0, 1.6),
+}
 
 
 def lasting(seconds):
@@ -37,21 +42,12 @@ def test_docs_explain_every_figure():
 
 def test_ranges_in_numpy_are_exact_within_a_turn_that_float32_cannot_resolve():
     poses = speed.free_poses(PAPER_ROOM, 3_000)  # several blocks
-    around = [
-        reference.ranges(PAPER_ROOM.walls, poses, speed.BEARINGS + turn)
-        for turn in (-2e-6, 0, 2e-6)
-    ]
+    turned = (speed.BEARINGS + turn for turn in (-2e-6, 0, 2e-6))
+    around = [reference.ranges(PAPER_ROOM.walls, poses, bearings) for bearings in turned]
     seen = speed.numpy_ranges(PAPER_ROOM, poses)
     slack = 5e-4  # px: a product, a quotient and differences of coordinates to 350
     assert (seen >= np.min(around, axis=0) - slack).all()
     assert (seen <= np.max(around, axis=0) + slack).all()
-
-
-BOUNDS = {  # of ratios within one process, never a time; far from what we aim at
-    "rays_vs_numpy": (3.0, math.inf),
-    "deq_vs_map_step": (0.0, 2.0),
-    "deq_lag80_vs_lag10": (0.0, 1.6),
-}
 
 
 @pytest.mark.slow

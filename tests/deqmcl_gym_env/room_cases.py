@@ -10,10 +10,8 @@ from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 ROOM_ID = "deqmcl_gym:deqmcl_gym/Room-v0"
 STILL = {"drive": 0.0, "turn": 0.0, "drift": 0.0}  # no motion noise
 
-PAPER = {
-    "outer": [[0, 0], [350, 0], [350, 300], [0, 300]],
-    "obstacles": [[[100, 100], [250, 100], [250, 200], [100, 200]]],
-}
+BLOCK = [[100, 100], [250, 100], [250, 200], [100, 200]]
+PAPER = {"outer": [[0, 0], [350, 0], [350, 300], [0, 300]], "obstacles": [BLOCK]}
 TRIANGLE = PAPER | {"obstacles": [[[120, 90], [240, 110], [170, 210]]]}
 # Of both orientations, one of them not convex.
 SEVERAL = {
@@ -25,10 +23,8 @@ SEVERAL = {
     ],
 }
 # The outer wall points into the room.
-SPIKE = {
-    "outer": [[0, 0], [400, 0], [400, 140], [310, 150], [400, 160], [400, 300], [0, 300]],
-    "obstacles": PAPER["obstacles"],
-}
+POINTED = [[0, 0], [400, 0], [400, 140], [310, 150], [400, 160], [400, 300], [0, 300]]
+SPIKE = {"outer": POINTED, "obstacles": [BLOCK]}
 EMPTY = {"outer": [[0, 0], [0, 300], [350, 300], [350, 0]]}  # clockwise
 FLOOR_PLANS = {"paper": PAPER, "triangle": TRIANGLE, "several": SEVERAL, "empty": EMPTY}
 
@@ -40,6 +36,14 @@ WORLD = {
     "route": {"min_length": 15.0, "max_length": 60.0},
 }
 SMALL = {"wings": 1, "corridors": 1}
+QUICK = {"floor_plan": {"office": SMALL}, "localizer": {"name": "mcl-map", "particles": 3000}}
+WRAPPED = {
+    "bare": lambda env: env,
+    "kidnap": lambda env: Kidnap(env, step=2),
+    "dropout": lambda env: BeamDropout(env, probability=0.5),
+    "plan-change": lambda env: PlanChange(env, step=2, actions=[(1, 0.1)] * 10),
+    "all": lambda env: PlanChange(BeamDropout(Kidnap(env, step=2), 0.5), 3, [(1, 0.1)] * 10),
+}
 
 
 def hall(scale=1) -> np.ndarray:
@@ -54,15 +58,6 @@ def calm(**kwargs) -> RoomEnv:
     env = RoomEnv(noise=STILL, **kwargs)
     env.reset(seed=0)
     return env
-
-
-WRAPPED = {
-    "bare": lambda env: env,
-    "kidnap": lambda env: Kidnap(env, step=2),
-    "dropout": lambda env: BeamDropout(env, probability=0.5),
-    "plan-change": lambda env: PlanChange(env, step=2, actions=[(1, 0.1)] * 10),
-    "all": lambda env: PlanChange(BeamDropout(Kidnap(env, step=2), 0.5), 3, [(1, 0.1)] * 10),
-}
 
 
 def drive(env, actions) -> list[tuple]:
@@ -80,7 +75,6 @@ def infos_of(env, seed: int = 0, most: int = 10_000) -> list[dict]:
 
 
 def poses_of(env, actions) -> np.ndarray:
-    """The true poses after each action, (n, 3)."""
     return np.array([said[4]["truth"] for said in drive(env, actions)])
 
 

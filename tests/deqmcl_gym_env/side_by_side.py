@@ -12,11 +12,8 @@ TO_THE_BIT: dict[str, float] = {}
 
 def both(name: str, rooms: int, mode: str = "NextStep", **kwargs):
     native = gym.make_vec(name, num_envs=rooms, autoreset_mode=mode, **kwargs)
-    loop = gym.make_vec(
-        name, num_envs=rooms, vectorization_mode="sync",
-        vector_kwargs={"autoreset_mode": mode}, **kwargs,
-    )  # fmt: skip
-    return native, loop
+    kwargs |= {"vectorization_mode": "sync", "vector_kwargs": {"autoreset_mode": mode}}
+    return native, gym.make_vec(name, num_envs=rooms, **kwargs)
 
 
 def assert_same(ours, theirs, near=TO_THE_BIT, what="the step") -> None:

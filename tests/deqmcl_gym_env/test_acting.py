@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from believing import Believes
-from room_cases import SMALL
+from room_cases import QUICK, SMALL
 
 import deqmcl_gym  # noqa: F401
 from benchmarks import evaluate
@@ -16,7 +16,6 @@ from deqmcl_gym.maps import Office
 from deqmcl_gym.world import PAPER_ROOM, Lidar, World
 from localizers import GaussianPrior, PointsBelief, UniformPrior
 
-QUICK = {"floor_plan": {"office": SMALL}, "localizer": {"name": "mcl-map", "particles": 3000}}
 MANY = QUICK | {"floor_plan": {"office": {**SMALL, "seeds": [10, 30]}}}
 WORLD = World(floor_plan=PAPER_ROOM, lidar=Lidar(beams=4))
 STAY, DECLARE = np.float32([0, 0, 0]), np.float32([0, 0, 1])

@@ -57,7 +57,7 @@ def about_half_a_turn():
     return PointsBelief([(0, 0, 3.0), (2, 0, -3.0)], [1, 3])
 
 
-def test_moments_and_entropy_of_a_belief_computed_by_hand():
+def test_moments_entropy_and_the_single_cluster_of_a_belief_computed_by_hand():
     seen, _ = BeliefObservation(sharp(), Believes(about_half_a_turn()), PRIOR).reset(seed=0)
     a, b = 1 * np.exp(3.0j), 3 * np.exp(-3.0j)
     heading = np.angle(a + b)
@@ -70,6 +70,8 @@ def test_moments_and_entropy_of_a_belief_computed_by_hand():
     entropy = 0.5 * np.log(np.linalg.det(2 * np.pi * np.e * floored))
     assert seen["entropy"][0] == pytest.approx(entropy, rel=1e-5)
     assert "quality" not in seen
+    assert (seen["best_share"], seen["second_share"]) == (1, 0)  # a single cluster
+    np.testing.assert_array_equal(seen["second"], seen["best"])
 
 
 def test_a_quality_is_shown_where_there_is_one():
@@ -104,12 +106,6 @@ def test_particles_are_drawn_from_weights_whatever_their_sum():
         env = BeliefObservation(sharp(), Believes(belief), PRIOR, particles=20)
         seen.append(env.reset(seed=0)[0]["particles"])
     np.testing.assert_array_equal(*seen)
-
-
-def test_a_single_cluster_has_a_second_without_a_share():
-    seen, _ = BeliefObservation(sharp(), Believes(about_half_a_turn()), PRIOR).reset(seed=0)
-    assert (seen["best_share"], seen["second_share"]) == (1, 0)
-    np.testing.assert_array_equal(seen["second"], seen["best"])
 
 
 def test_envs_of_one_spec_have_localizers_of_their_own():

@@ -107,9 +107,8 @@ def test_an_unknown_argument_is_a_type_error_in_one_sentence_and_strange_options
 
 def test_native_rooms_let_strange_options_be_and_take_their_own():
     envs, others = (gym.make_vec("deqmcl_gym/Room-v0", num_envs=2) for _ in "ab")
-    np.testing.assert_equal(
-        envs.reset(seed=1, options={"minari_autoseed": True}), others.reset(seed=1)
-    )
+    strange = {"minari_autoseed": True}
+    np.testing.assert_equal(envs.reset(seed=1, options=strange), others.reset(seed=1))
 
 
 @pytest.mark.parametrize("name", IDS)

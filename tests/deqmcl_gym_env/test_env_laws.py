@@ -13,7 +13,7 @@ import pytest
 from drives import SQUARE, real
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
-from room_cases import ROOM_ID, SMALL, WORLD, WRAPPED
+from room_cases import QUICK, ROOM_ID, SMALL, WORLD, WRAPPED
 from test_differences import PARTS, WORLDS
 
 from deqmcl_gym import logs
@@ -24,7 +24,6 @@ from localizers import GaussianPrior, RobotModel, make
 
 JOURNEY, LOG = "deqmcl_gym/Journey-v1", "deqmcl_gym/Log-v0"
 OFFICES = {"office": SMALL | {"seeds": [0, 5]}}
-QUICK = {"floor_plan": {"office": SMALL}, "localizer": {"name": "mcl-map", "particles": 3000}}
 MOUNTS = (Mount(x=5.0, y=2.0, heading=0.3), Mount(x=-6.0, y=-1.0, heading=math.pi))
 EVERYTHING = {
     "preset": "sharp",

@@ -15,6 +15,7 @@ from deqmcl_gym.validation import InputError
 
 quietly = settings(suppress_health_check=list(HealthCheck))
 ROOM = {"outer": [[0, 0], [350, 0], [350, 300], [0, 300]]}
+corners = st.tuples(st.integers(20, 330), st.integers(20, 280))
 
 
 def made(**world) -> RoomEnv | None:
@@ -91,9 +92,6 @@ def test_an_episode_runs_and_many_rooms_say_what_one_says(world, seed):
         if ended or cut:
             event("ended")
             break
-
-
-corners = st.tuples(st.integers(20, 330), st.integers(20, 280))
 
 
 @quietly

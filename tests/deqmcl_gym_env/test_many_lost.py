@@ -26,6 +26,8 @@ TASK = {
     "cell": 2.0,
 }
 ROOMS = 5
+SQUARE = {"outer": [[0, 0], [9, 0], [9, 9], [0, 9]], "unit": "m"}
+FEW = {"name": "mcl", "particles": 50}
 
 
 def actions(rng, seen):
@@ -36,7 +38,6 @@ def actions(rng, seen):
 
 
 def agree(many, single):
-    """Whether observations or infos are the same up to rounding."""
     for name, value in single.items():
         np.testing.assert_allclose(many[name], value, rtol=0, atol=1e-4, err_msg=name)
 
@@ -75,10 +76,8 @@ def test_rooms_are_the_single_env_through_contacts_declarations_and_new_building
 
 
 def test_with_same_step_the_last_observation_is_told_and_the_next_episode_is_seen():
-    ways = {
-        mode: gym.make_vec(ID, num_envs=ROOMS, autoreset_mode=mode, **TASK)
-        for mode in (AutoresetMode.NEXT_STEP, "SameStep")
-    }
+    modes, how = (AutoresetMode.NEXT_STEP, "SameStep"), {"num_envs": ROOMS, **TASK}
+    ways = {mode: gym.make_vec(ID, autoreset_mode=mode, **how) for mode in modes}
     still = np.zeros((ROOMS, 3), np.float32)
     steps = {}
     for mode, envs in ways.items():
@@ -117,10 +116,6 @@ def test_rooms_go_on_the_same_after_pickling_and_on_one_thread():
         assert all((seen[name] == other[name]).all() for name in seen)
     envs.close()
     copy.close()
-
-
-SQUARE = {"outer": [[0, 0], [9, 0], [9, 9], [0, 9]], "unit": "m"}
-FEW = {"name": "mcl", "particles": 50}
 
 
 @pytest.mark.parametrize(

@@ -20,16 +20,14 @@ EXACT = 1e-10
 # PolygonMap computes in float32: coordinates to 3e-5 px, a clearance by a handful of operations.
 BAND = 1e-3
 LONG = {"max_distance": 60.0, "max_turn": math.pi}  # steps that reach past obstacle corners
+WAYPOINTS = ((1.0, 1.0), (3.4, 1.0), (3.4, 2.4), (1.0, 2.4))
 
 
 def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):
     """Random steps of 0 to 60 px: poses before and after, and whether each collided."""
-    robot = LONG | {"radius": radius}
     # a lap of 0.2 px steps: long enough for n steps in one episode
-    env = RoomEnv(
-        floor_plan=floor_plan, robot=robot, noise=noise, lap={"step": 0.2}, ends_at_goal=False,
-        horizon=1,
-    )  # fmt: skip
+    how = {"lap": {"step": 0.2}, "ends_at_goal": False, "horizon": 1}
+    env = RoomEnv(floor_plan=floor_plan, robot=LONG | {"radius": radius}, noise=noise, **how)
     _, info = env.reset(seed=4)
     agent = np.random.default_rng(5)
     drawn = np.column_stack([agent.uniform(0, 60, n), agent.uniform(-math.pi, math.pi, n)])
@@ -75,9 +73,6 @@ def test_the_robot_never_overlaps_a_wall_on_thousands_of_noisy_steps(plan):
     walls = PolygonMap(**plan).walls
     assert reference.clearance(walls, poses[:-1], poses[1:]).min() > 8.0  # on the way, too
     assert (reference.winding(walls, poses) == 1).all()  # inside the room, in no obstacle
-
-
-WAYPOINTS = ((1.0, 1.0), (3.4, 1.0), (3.4, 2.4), (1.0, 2.4))
 
 
 def test_a_beam_through_transparent_cells_and_out_of_the_map_reads_its_limit():

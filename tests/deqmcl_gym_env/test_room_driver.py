@@ -116,9 +116,8 @@ def test_a_driver_that_gets_nowhere_gives_up_after_twice_the_steps_of_the_lap():
 
 
 def test_the_plan_of_a_driver_is_not_replaced():
-    with pytest.raises(
-        InputError, match=r"a driver makes the plan .* cannot be replaced: choose a world"
-    ):
+    words = r"a driver makes the plan .* cannot be replaced: choose a world"
+    with pytest.raises(InputError, match=words):
         PlanChange(guided(), step=3, actions=[(1.0, 0.0)])
     env, other = guided(), guided()
     for one in (env, other):

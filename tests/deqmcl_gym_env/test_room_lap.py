@@ -20,10 +20,8 @@ LEGS = (25, 40, 50, 40, 25)
 FULL = 900.0  # px: 2 · (250 + 200)
 DRIVE, TURN = [5.0, 0.0], [0.0, math.pi / 12]
 BY_HAND = np.float32(np.vstack([part for n in LEGS for part in ([TURN] * 6, [DRIVE] * n)][1:]))
-
-
-def rewards_of(said: list[tuple]) -> np.ndarray:
-    return np.array([step[1] for step in said])
+DONE = FULL - 8 + 100  # the robot's rim at the line; the bonus
+EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000
 
 
 def test_the_paper_lap_is_the_204_actions_counted_by_hand_from_the_bottom_centre():
@@ -47,7 +45,7 @@ def test_the_lap_is_free_goes_once_counterclockwise_around_all_obstacles_and_ear
     assert not any(step[4]["collided"] for step in said)
     length = np.hypot(*(lap[:, 2:] - lap[:, :2]).T).sum()
     assert name != "paper" or length == FULL
-    assert abs(rewards_of(said).sum() - length) < closing_error(env.plan)
+    assert abs(sum(step[1] for step in said) - length) < closing_error(env.plan)
     end = said[-1][4]["truth"]
     assert math.hypot(end[0] - x, end[1] - y) < closing_error(env.plan)
     # one counterclockwise turn in all; waypoints, and so headings, are exact, float32 turns are not
@@ -81,10 +79,6 @@ def test_a_start_off_the_lap_drives_to_its_nearest_point_and_once_around_to_ther
     assert abs(env.plan[arrived + 1 :, 0].sum() - 900) < 1e-3  # float32 sum of 180 exact numbers
 
 
-DONE = FULL - 8 + 100  # the robot's rim at the line; the bonus
-EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000
-
-
 @pytest.mark.parametrize("rounding", [0.0, 1e-15, -1e-12])
 def test_a_robot_that_has_not_moved_earns_nothing_wherever_else_the_path_is_nearer(rounding):
     path = RoomEnv().course.path
@@ -100,7 +94,7 @@ def test_an_episode_is_done_when_the_robot_touches_the_start_line_after_a_full_t
     # 5 px a step: one step before the end 5 px are missing, less than the radius 8; two before, 10.
     assert len(said) == 203
     assert not any(step[3] for step in said)
-    assert abs(rewards_of(said).sum() - DONE) < EXACT
+    assert abs(sum(step[1] for step in said) - DONE) < EXACT
 
 
 @pytest.mark.parametrize("ends_at_goal", [True, False])
@@ -131,7 +125,6 @@ def lap_then(env, after, action) -> Iterator[tuple[float, float]]:
 
 
 def returned(policy) -> tuple[float, bool, bool, int]:
-    """What a policy earns; whether it did the task, and touched a wall; its steps."""
     env = calm()
     total, touched = 0.0, False
     for steps, action in enumerate(policy(env), 1):

@@ -34,10 +34,9 @@ def test_a_generator_that_was_set_draws_the_seeds():
 
 def test_streams_are_those_of_the_documented_seed_sequence():
     seed, number = 21, 1  # the second episode after seeding
-    motion, sensor, start = (
-        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, stream)))
-        for stream in range(3)
-    )
+    keys = ((number, stream) for stream in range(3))
+    seeds = (np.random.SeedSequence(seed, spawn_key=key) for key in keys)
+    motion, sensor, start = map(np.random.default_rng, seeds)
     env = RoomEnv(
         lidar={"beams": 2, "sigma": 2.0},
         noise={"drive": 0.1, "turn": 0.05, "drift": 0.01},
@@ -69,11 +68,8 @@ def test_scans_have_the_noise_and_the_atoms_of_clipping():
     lidar = {"beams": 50, "field_of_view": 1e-6, "sigma": sigma, "max_range": 2.5 * sigma}
     env = calm(lidar=lidar, ends_at_goal=False)
     scans = np.array([said[0] for said in drive(env, np.zeros((200, 2)))])
-    for seen, share in (
-        (scans == 0, 0.15866),
-        (scans == 2.5 * sigma, 0.06681),
-        (scans < sigma, 0.5),
-    ):
+    most, shares = 2.5 * sigma, (0.15866, 0.06681, 0.5)
+    for seen, share in zip((scans == 0, scans == most, scans < sigma), shares, strict=True):
         assert abs(seen.mean() - share) < 5 * math.sqrt(share * (1 - share) / scans.size)
 
 

@@ -25,6 +25,7 @@ HUGE = {"outer": [[0, 0], [1e5, 0], [1e5, 1e5], [0, 1e5]]}
 RECESS = {"outer": OUTER, "obstacles": [[[60, 0], [64, 0], [64, 200], [60, 200]],
                                         *PAPER["obstacles"]]}  # fmt: skip
 BESIDE = {"waypoints": [(82, 50), (300, 50), (300, 250), (82, 250)]}
+HALL = {"outer": [[0, 0], [300, 0], [300, 300], [0, 300]]}
 
 
 @pytest.mark.parametrize(
@@ -82,9 +83,6 @@ def believing(**kwargs):
     return BeliefObservation(env, make("mcl", robot), UniformPrior(floor_plan=env.floor_plan))
 
 
-HALL = {"outer": [[0, 0], [300, 0], [300, 300], [0, 300]]}
-
-
 def begun(**kwargs):
     RoomEnv(**kwargs).reset(seed=0)
 
@@ -129,6 +127,7 @@ MADE = [
     (lambda **far: gym.make(TRACK, **far).reset(seed=0), {"least": 900}, "goal 900 px apart"),
     (partial(gym.make, LOCALIZE, scan="table"), {"floor_plan": WIDE}, "take 6,103 MiB, but may"),
     (RoomVectorEnv, {"num_envs": 0}, "num_envs is 0"),
+    (RoomVectorEnv, {"lidr": 1}, "keyword argument 'lidr': did you mean 'lidar'"),
     (RoomVectorEnv, {"autoreset_mode": "samestep"}, "did you mean 'SameStep'"),
 ]
 

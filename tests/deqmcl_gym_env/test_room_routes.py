@@ -22,6 +22,9 @@ from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.course import Path
 from deqmcl_gym.world.route import Routes
 
+ROOM = PolygonMap(**PAPER)
+ROUTES = Routes(ROOM, radius=10.0, comfort=40.0)
+
 
 def office(seed=0, seeds=None, **kwargs) -> RoomEnv:
     kind = {key: kwargs.pop(key) for key in ("wings", "corridors") if key in kwargs}
@@ -56,8 +59,7 @@ def test_without_noise_the_plan_made_before_the_start_leads_to_the_goal():
 
 
 def test_the_episode_ends_at_the_goal():
-    env = office(noise=STILL)
-    infos = infos_of(env, 1)
+    infos = infos_of(office(noise=STILL), 1)
     off = [np.hypot(*(info["truth"][:2] - info["goal"])) for info in infos]
     assert off[-1] <= 0.5 < min(off[:-1])
     assert infos[-1]["planned_count"] > 0
@@ -145,9 +147,8 @@ def test_the_goal_may_be_seen_from_the_belief():
     room = env.unwrapped
     robot = localizers.RobotModel(floor_plan=room.floor_plan, lidar=room.lidar)
     anywhere = localizers.UniformPrior(floor_plan=room.floor_plan)
-    view = BeliefObservation(
-        env, localizers.make("mcl", robot, particles=50), anywhere, goal="relative"
-    )
+    mcl = localizers.make("mcl", robot, particles=50)
+    view = BeliefObservation(env, mcl, anywhere, goal="relative")
     seen, info = view.reset(seed=0)
     for _ in range(5):
         wanted = seen_from(seen["mean"], room.course.goal)
@@ -173,9 +174,8 @@ def test_a_driver_set_down_at_its_goal_is_refused_and_nothing_has_changed():
     again.reset(seed=1)
     for _ in range(3):
         info = env.step(info["planned_actions"][0])[-1]
-        np.testing.assert_array_equal(
-            again.step(info["command"])[-1]["planned_actions"], info["planned_actions"]
-        )
+        same = again.step(info["command"])[-1]
+        np.testing.assert_array_equal(same["planned_actions"], info["planned_actions"])
 
 
 @given(st.lists(st.tuples(*[st.integers(-50, 50)] * 2), min_size=2, max_size=8), st.floats(0, 1))
@@ -193,10 +193,6 @@ def test_an_open_path_is_followed_to_its_end_and_not_round(corners, share):
     points = path.corners_from(share * path.length)
     rest = np.hypot(*np.diff(points, axis=0).T).sum()
     assert rest == pytest.approx((1 - share) * path.length, abs=1e-9)
-
-
-ROOM = PolygonMap(**PAPER)
-ROUTES = Routes(ROOM, radius=10.0, comfort=40.0)
 
 
 def points(seed, count):
@@ -217,11 +213,8 @@ def test_a_route_leads_from_start_to_goal_clear_of_walls_and_back_the_same_way(s
     assert length(ROUTES.to(start).start_at(goal)) == pytest.approx(length(route), rel=0.1)
 
 
-def test_a_way_in_sight_is_straight():
+def test_a_way_in_sight_is_straight_and_any_keeps_its_distance_where_there_is_room():
     assert len(ROUTES.to((300, 50)).start_at((50, 50))) == 2
-
-
-def test_a_route_keeps_its_distance_where_there_is_room():
     route = ROUTES.to((90, 50)).start_at((50, 90))
     assert ROOM.distance(route).min() >= 35  # comfort, less a cell
 
@@ -240,10 +233,9 @@ def test_places_without_room_are_refused(start, goal, words):
 
 
 def test_goals_anywhere_in_any_of_several_offices_are_in_the_space():
-    office = {"wings": 1, "corridors": 1}
-    env = gym.make(JOURNEY, floor_plan={"office": {"seeds": [0, 5], **office}})
+    env = gym.make(JOURNEY, floor_plan={"office": {"seeds": [0, 5], **SMALL}})
     for seed in range(5):
-        x0, y0, x1, y1 = Office(seed=seed, **office).grid.bounds
+        x0, y0, x1, y1 = Office(seed=seed, **SMALL).grid.bounds
         for corner in ((x0, y0), (x1, y1)):
             assert np.array(corner, np.float32) in env.observation_space["goal"]
 
@@ -281,7 +273,7 @@ def test_of_ways_at_equal_cost_a_route_takes_that_by_the_nearest_cell_and_of_the
 
 @pytest.mark.parametrize("seed", range(3))
 def test_costs_are_those_of_scipys_dijkstra_bit_for_bit(seed):
-    routes = Routes(Office(seed=seed, wings=1, corridors=1).grid, radius=0.3, comfort=0.8)
+    routes = Routes(Office(seed=seed, **SMALL).grid, radius=0.3, comfort=0.8)
     graph = graph_of(routes)
     for goal in np.random.default_rng(seed).integers(len(routes.centres), size=3):
         costs = routes.to(tuple(routes.centres[goal])).costs

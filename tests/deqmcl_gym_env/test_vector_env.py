@@ -25,11 +25,7 @@ ROUGH = {
     "noise": {"drive": 0.3, "turn": 0.3, "drift": 0.01},
     "robot": {"max_distance": 60.0, "max_turn": np.pi},
 }
-
-
 OTHERWISE = {"clutter": {"number": 6}}
-
-
 BLIND = Mount(x=-6.0, heading=2.5, upside_down=True, blind=((0.1, 1.0),))
 MOUNTS = (Mount(x=5.0, y=2.0, heading=0.3), BLIND)
 MOUNTED = {**ROUGH, "lidar": Lidar(beams=10, sigma=5.0, mounts=MOUNTS, min_range=30.0)}
@@ -47,6 +43,7 @@ DRIVES = [  # the world; the share of planned actions, the steps; least contacts
        {"planned": 0.7, "steps": 70}) for mode in MODES),
     ({"horizon": 5, "ends_at_goal": False}, {"planned": 1.0, "steps": 210}),
 ]  # fmt: skip
+FORWARD = np.float32([5.0, 0.0])
 
 
 @pytest.mark.parametrize(("world", "drive"), DRIVES)
@@ -97,9 +94,6 @@ def test_masked_resets_agree(seed):
         ours = native.reset(seed=seed, options=dict(chosen))
         theirs = loop.reset(seed=seed, options=dict(chosen))
         assert_same(ours, theirs, NEAR)
-
-
-FORWARD = np.float32([5.0, 0.0])
 
 
 def rooms(number: int = 3, **kwargs) -> RoomVectorEnv:

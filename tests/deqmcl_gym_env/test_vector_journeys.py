@@ -7,17 +7,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
-from room_cases import FLOOR_PLANS, ROOM_ID
+from room_cases import FLOOR_PLANS, ROOM_ID, SMALL
 from side_by_side import assert_same, both, run_beside
 
 from deqmcl_gym.envs.vector import RoomVectorEnv
 
 JOURNEY = "deqmcl_gym/Journey-v1"
-OFFICES = {"office": {"seeds": [0, 1000], "wings": 1, "corridors": 1}}
+OFFICES = {"office": SMALL | {"seeds": [0, 1000]}}
 SHORT = {"floor_plan": OFFICES, "route": {"min_length": 4.0, "max_length": 12.0}}
 ROUGH = {"noise": {"drive": 0.3, "turn": 0.3, "drift": 0.2}}
-
-
 WORLDS = [
     {"driver": "none", "observation": "scan"},
     {"plan": False, "goal": "relative"},

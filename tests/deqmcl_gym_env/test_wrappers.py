@@ -16,6 +16,9 @@ from deqmcl_gym.envs.wrappers import BeamDropout, Curriculum, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError
 
 ELSEWHERE = (60.0, 200.0, 1.0)
+BEAMS = {"lidar": {"beams": 100, "sigma": 5.0}}
+NEW = np.float32([(1, 0.1), (2, -0.1), (3, 0.0)])
+SIZE = gym.spaces.Box(0, 1, (1,), np.float32)
 
 
 def kidnapped(step: int, pose=None, **kwargs) -> Kidnap:
@@ -87,9 +90,6 @@ def test_two_random_kidnaps_draw_poses_of_their_own_and_fixed_ones_none():
     np.testing.assert_array_equal(random, once)
 
 
-BEAMS = {"lidar": {"beams": 100, "sigma": 5.0}}
-
-
 def episode(env, seed: int = 5) -> tuple[np.ndarray, list]:
     """All scans of the plan's first 200 steps, (201, 100), and all else that was said."""
     scan, info = env.reset(seed=seed)
@@ -102,12 +102,8 @@ def episode(env, seed: int = 5) -> tuple[np.ndarray, list]:
 def test_beams_are_lost_with_the_probability_whatever_neighbours_or_scans_lose(probability):
     scans, _ = episode(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), probability))
     lost = np.isposinf(scans)
-    both = probability**2  # two of them are lost
-    for seen, share in (
-        (lost, probability),
-        (lost[:, 1:] & lost[:, :-1], both),
-        (lost[1:] & lost[:-1], both),
-    ):
+    pairs = lost[:, 1:] & lost[:, :-1], lost[1:] & lost[:-1]
+    for seen, share in ((lost, probability), *((pair, probability**2) for pair in pairs)):
         # 5 standard errors of a binomial share, false alarms 6e-7 each; a pair shares beams with
         # two others: at most √2 times the error
         assert abs(seen.mean() - share) < 5 * math.sqrt(2 * share * (1 - share) / seen.size)
@@ -136,9 +132,6 @@ def test_what_is_lost_follows_from_the_seed_and_the_episode():
     again, _ = episode(env, seed=5)
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(np.isinf(first), np.isinf(second))
-
-
-NEW = np.float32([(1, 0.1), (2, -0.1), (3, 0.0)])
 
 
 def changed(step: int, actions, **kwargs) -> PlanChange:
@@ -201,9 +194,6 @@ def test_stacked_wrappers_all_act():
         counts.append(info["planned_count"])
     assert jumps == [False, True, True]
     assert counts == [203, 202, 10]
-
-
-SIZE = gym.spaces.Box(0, 1, (1,), np.float32)
 
 
 class Task(gym.Env):

@@ -51,9 +51,8 @@ def anchors(text):
     for heading in re.findall(r"^#{1,6}[ \t]+(.+?)[ \t]*#*$", FENCE.sub("", text), re.MULTILINE):
         words = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", heading)  # a link's words count
         name = re.sub(r"[^\w\- ]", "", words.replace("`", "").lower()).replace(" ", "-")
-        twins = sum(
-            re.fullmatch(re.escape(name) + r"(-\d+)?", other) is not None for other in found
-        )
+        twin = re.escape(name) + r"(-\d+)?"
+        twins = sum(re.fullmatch(twin, other) is not None for other in found)
         found.append(f"{name}-{twins}" if name in found else name)
     return {*found, *re.findall(r"""\b(?:id|name)=["']([^"']+)["']""", text)}
 
@@ -141,11 +140,8 @@ def test_a_question_has_its_answer(question):
 
 REPORTS = ROOT / "docs" / "reports"
 MOST = {"README.md": 1000, "CONTRIBUTING.md": 1000, "CHANGELOG.md": 1500, "docs/decisions.md": 3500}
-PAGES = [
-    path
-    for path in DOCUMENTS
-    if path.relative_to(ROOT).as_posix() not in MOST and REPORTS not in path.parents
-]
+SHORT = {ROOT / name for name in MOST}
+PAGES = [path for path in DOCUMENTS if path not in SHORT and REPORTS not in path.parents]
 
 
 def words(path):

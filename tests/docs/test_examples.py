@@ -34,10 +34,15 @@ SCRIPTS = [
 LEARNED = f"{EXAMPLES}/learned_localizer/learned.py:Learned"
 
 FOREIGN = {"filterpy_ukf.py:Ukf": "filterpy.kalman", "particles_smc.py:Smc": "particles"}
-WRAPPED = FOREIGN | {
-    "filterpy_odometry.py": "filterpy.kalman",
-    "kiss_icp_odometry.py": "kiss_icp.config",
-}
+ODOMETRIES = {"filterpy_odometry.py": "filterpy.kalman", "kiss_icp_odometry.py": "kiss_icp.config"}
+WRAPPED = FOREIGN | ODOMETRIES
+NOTEBOOK = ROOT / "docs" / "deq-mcl.ipynb"
+CELLS = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+FEWER = (('sweep("paper")', 'sweep("paper", trials=2)'), ("trials=10", "trials=2"))
+FOLDER = ROOT / "docs" / "examples" / "learned_scan"
+MODEL = f"{FOLDER}/learned_scan.py:LearnedScan"
+REACH, BEAMS = 12.0, 16
+BUILDINGS, STEPS, ROOMS, CROP = (40, 43), 30, 4, 32
 
 
 @pytest.mark.parametrize("name", FOREIGN)
@@ -159,14 +164,9 @@ def test_the_learned_localizer_follows_the_robot_where_dead_reckoning_does_not()
     assert errors["dead-reckoning"] > 12.0
 
 
-NOTEBOOK = ROOT / "docs" / "deq-mcl.ipynb"
-FEWER = (('sweep("paper")', 'sweep("paper", trials=2)'), ("trials=10", "trials=2"))
-
-
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
 def test_the_notebook_runs_and_deq_mcl_loses_world_1(here):
-    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
-    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    code = "\n".join("".join(cell["source"]) for cell in CELLS if cell["cell_type"] == "code")
     for many, few in FEWER:
         assert many in code
         code = code.replace(many, few)
@@ -185,13 +185,7 @@ def test_the_notebook_runs_and_deq_mcl_loses_world_1(here):
 
 
 def test_the_notebook_is_kept_without_outputs():
-    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
-    assert [cell for cell in cells if cell.get("outputs") or cell.get("execution_count")] == []
-
-
-FOLDER = ROOT / "docs" / "examples" / "learned_scan"
-MODEL = f"{FOLDER}/learned_scan.py:LearnedScan"
-REACH, BEAMS = 12.0, 16
+    assert [cell for cell in CELLS if cell.get("outputs") or cell.get("execution_count")] == []
 
 
 @pytest.fixture(scope="module")
@@ -259,13 +253,10 @@ def test_in_unseen_buildings_it_predicts_scans_better_where_the_map_is_wrong_and
     for world in ("lost", str(FOLDER / "high.toml")):
         data = recorded((3000, 3040), 30, rooms=24, crop=2, scenario=world)
         seen, wall = data["scan"].reshape(-1, BEAMS).astype(float), data["expected"]
-        usual = [
-            beam.log_likelihood(z, e[None], REACH)[0]
-            for z, e in zip(seen, wall.reshape(-1, BEAMS), strict=True)
-        ]
-        gains[world] = net.log_density(seen, wall.reshape(-1, BEAMS)).sum(axis=1).mean() - np.mean(
-            usual
-        )
+        both = zip(seen, wall.reshape(-1, BEAMS), strict=True)
+        usual = [beam.log_likelihood(scan, walls[None], REACH)[0] for scan, walls in both]
+        learned = net.log_density(seen, wall.reshape(-1, BEAMS)).sum(axis=1)
+        gains[world] = learned.mean() - np.mean(usual)
     right, wrong = gains.values()  # nats a scan
     assert -1.0 < right < 0.0
     assert wrong > 2.0
@@ -273,19 +264,13 @@ def test_in_unseen_buildings_it_predicts_scans_better_where_the_map_is_wrong_and
 
 def test_training_writes_what_the_model_reads(tmp_path):
     pytest.importorskip("torch")
-    data = recorded((40, 42), 4, rooms=2, crop=2, scenario="lost")
-    np.savez(tmp_path / "data.npz", **data)
-    out, files = (
-        tmp_path / "new.npz",
-        ("--data", tmp_path / "data.npz", "--unseen", tmp_path / "data.npz"),
-    )
+    file, out = tmp_path / "data.npz", tmp_path / "new.npz"
+    np.savez(file, **recorded((40, 42), 4, rooms=2, crop=2, scenario="lost"))
+    files = ("--data", file, "--unseen", file)
     said = python(FOLDER / "train_scan_model.py", *files, "--epochs", 1, "--out", out)
     assert said.count("beam model") == said.count("learned") == 2
     with np.load(out) as new, np.load(FOLDER / "learned_scan.npz") as shipped:
         assert {n: new[n].shape for n in new} == {n: shipped[n].shape for n in shipped}
-
-
-BUILDINGS, STEPS, ROOMS, CROP = (40, 43), 30, 4, 32
 
 
 @pytest.fixture(scope="module")

@@ -82,12 +82,10 @@ def test_the_check_from_python_runs_as_a_file(tmp_path):
 
 @pytest.fixture
 def lap(here):
-    """A folder with the log to begin with, its map and its reference."""
     exec(compile(RECORD, "record", "exec"), {})
 
 
 def commands(page, *words):
-    """The commands of a page that have one of some words; without words, all others."""
     text = "".join(blocks(page, "sh")).replace("\\\n", "")
     others = "basin", "--mcap", "deqmcl score"
     return [x for x in text.splitlines() if any(w in x for w in words or others) == bool(words)]

@@ -10,7 +10,6 @@ import threading
 import time
 import warnings
 from functools import cache
-from types import MappingProxyType
 
 import numpy as np
 
@@ -101,18 +100,16 @@ class GlobalRngUntouched(MyLocalizer):
 
 
 class ProcessStateUntouched(MyLocalizer):
-    CHANGES = MappingProxyType(
-        {
-            "the working folder": lambda: os.chdir("/"),
-            "signal handlers": lambda: signal.signal(signal.SIGTERM, signal.SIG_IGN),
-            "np.seterr": lambda: np.seterr(divide="raise"),
-            "np.set_printoptions": lambda: np.set_printoptions(precision=2),
-            "the filters of warnings": lambda: warnings.simplefilter("error", BytesWarning),
-            "os.environ": lambda: os.environ.update(DEQMCL_BROKEN="1"),
-            "the recursion limit": lambda: sys.setrecursionlimit(5000),
-            "sys.path": lambda: sys.path.insert(0, "/nowhere"),
-        }
-    )
+    CHANGES = {
+        "the working folder": lambda: os.chdir("/"),
+        "signal handlers": lambda: signal.signal(signal.SIGTERM, signal.SIG_IGN),
+        "np.seterr": lambda: np.seterr(divide="raise"),
+        "np.set_printoptions": lambda: np.set_printoptions(precision=2),
+        "the filters of warnings": lambda: warnings.simplefilter("error", BytesWarning),
+        "os.environ": lambda: os.environ.update(DEQMCL_BROKEN="1"),
+        "the recursion limit": lambda: sys.setrecursionlimit(5000),
+        "sys.path": lambda: sys.path.insert(0, "/nowhere"),
+    }
 
     def __init__(self, robot, *, particles=500, change="the recursion limit"):
         super().__init__(robot, particles=particles)

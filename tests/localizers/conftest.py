@@ -11,6 +11,12 @@ import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.world import PAPER_ROOM
 
+STRATEGIES = [
+    {},
+    {"ess_threshold": 0.5, "resampler": "stratified"},
+    {"ess_threshold": 0.9, "resampler": "multinomial"},
+]
+
 
 @pytest.fixture(scope="session")
 def room() -> PolygonMap:
@@ -35,13 +41,6 @@ def drive() -> tuple[np.ndarray, np.ndarray]:
     actions = np.array([straight] * 8 + [turn] * 4)
     scans = np.array([280, 255, 240, 225, 195, 190, 150, 140, 130, 125, 160, 210.0])[:, None]
     return actions, scans
-
-
-STRATEGIES = [
-    {},
-    {"ess_threshold": 0.5, "resampler": "stratified"},
-    {"ess_threshold": 0.9, "resampler": "multinomial"},
-]
 
 
 @pytest.fixture(params=STRATEGIES, ids=str)

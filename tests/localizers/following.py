@@ -8,9 +8,11 @@ import numpy as np
 
 import localizers
 from deqmcl_gym.maps import Lidar, Map
+from localizers import Prior, RobotModel
 from localizers.inference import FilterLocalizer
 
-Drive = tuple[np.ndarray, np.ndarray]
+Drive, Noise = tuple[np.ndarray, np.ndarray], tuple[float, float, float]
+Beliefs = Sequence[localizers.Belief]
 STILL = localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
 
 
@@ -22,14 +24,12 @@ def sample_size(weights: np.ndarray) -> float:
     return weights.sum() ** 2 / np.square(weights).sum()
 
 
-def robot_of(
-    floor_plan: Map, lidar: Lidar, noise: tuple[float, float, float], sigma: float
-) -> localizers.RobotModel:
+def robot_of(floor_plan: Map, lidar: Lidar, noise: Noise, sigma: float) -> RobotModel:
     """A robot of noise (drive, turn, drift) whose beams have this standard deviation."""
     drive, turn, drift = noise
     motion = localizers.OdometryMotion(drive=drive, turn=turn, drift=drift)
     scan = localizers.GaussianUniform(sigma=sigma)
-    return localizers.RobotModel(floor_plan=floor_plan, lidar=lidar, motion=motion, scan=scan)
+    return RobotModel(floor_plan=floor_plan, lidar=lidar, motion=motion, scan=scan)
 
 
 def density(beam: Any, ranges: Any, expected: Any, max_range: float) -> np.ndarray:
@@ -57,11 +57,7 @@ def varied(localizer: FilterLocalizer, **parts: Any) -> FilterLocalizer:
 
 
 def follow(
-    localizer: localizers.Localizer,
-    prior: localizers.Prior,
-    drive: Drive,
-    seed: int = 0,
-    plans: Sequence[np.ndarray] | None = None,
+    localizer: localizers.Localizer, prior: Prior, drive: Drive, seed: int = 0, plans: Any = None
 ) -> list[localizers.Belief]:
     """Beliefs at t = 0 … T; the plan is the rest of the drive unless ``plans`` are given."""
     actions, scans = drive
@@ -73,23 +69,17 @@ def follow(
     return beliefs
 
 
-def started(name: str, robot: localizers.RobotModel, prior: localizers.Prior, **params: Any) -> Any:
+def started(name: str, robot: RobotModel, prior: Prior, **params: Any) -> Any:
     localizer = localizers.make(name, robot, **params)
     localizer.reset(prior, [], np.random.default_rng(0))
     return localizer
 
 
-def updated(
-    name: str, robot: localizers.RobotModel, prior: localizers.Prior, scan, action=(0, 0), **params
-) -> Any:
+def updated(name: str, robot: RobotModel, prior: Prior, scan, action=(0, 0), **params) -> Any:
     return started(name, robot, prior, **params).update(scan, action, [])
 
 
-def same(
-    one: Sequence[localizers.Belief],
-    other: Sequence[localizers.Belief],
-    offsets: Sequence[int] = (0,),
-) -> bool:
+def same(one: Beliefs, other: Beliefs, offsets: Sequence[int] = (0,)) -> bool:
     for a, b in zip(one, other, strict=True):
         for offset in offsets:
             p, q = a.points(offset) or (), b.points(offset) or ()

@@ -36,6 +36,7 @@ COSTS = np.array([0.0, 0.3, 0.7, 0.1, 0.5])
 GRADED = np.where(COLLIDES, 1.0, COSTS)  # of each step
 
 Plan = tuple[int, ...]
+RESAMPLING = {"always": Resampling(), "when degenerate": Resampling(ess_threshold=0.5)}
 
 
 @dataclass(frozen=True)
@@ -120,13 +121,7 @@ def transition(command: int, beta: float, costs: np.ndarray = COLLIDES) -> np.nd
     return one_step * np.exp(-beta * costs)
 
 
-def gamma(
-    t: int,
-    commands: Plan,
-    beta: float,
-    shown: np.ndarray | None = None,
-    costs: np.ndarray = COLLIDES,
-) -> np.ndarray:
+def gamma(t: int, commands: Plan, beta: float, shown=None, costs=COLLIDES) -> np.ndarray:
     """∫ γ_t 1{x_s = i} for s = 0 … t + F_t and each i, by summing over all paths, (s, i).
 
     ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5); ``costs`` those of each step, (5, 5).
@@ -157,9 +152,6 @@ def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
     return figures
 
 
-RESAMPLING = {"always": Resampling(), "when degenerate": Resampling(ess_threshold=0.5)}
-
-
 def ring_filter(beta: float, **parts) -> ParticleFilter:
     return ParticleFilter(
         motion=RingMotion(),
@@ -187,7 +179,6 @@ def with_plans(beta: float, steps=FUTURE, new_only=False, **parts) -> ParticleFi
 
 
 def started_by_plan(beta: float, draws=5, **parts) -> ParticleFilter:
-    """With plans as evidence, or without: the start alone."""
     start = InformedStart(evidence=PlanEvidence(sensor=RingPlans(beta)), draws=draws)
     return replace(ring_filter(beta, past=PAST, **parts), start=start)
 
@@ -270,16 +261,13 @@ def estimates(ring: ParticleFilter, drive: Drive, seed: int) -> dict[tuple[int, 
     return figures
 
 
-def z_scores(
-    ring: ParticleFilter, drive: Drive, replicates: int, costs: np.ndarray = COLLIDES
-) -> dict:
+def z_scores(ring: ParticleFilter, drive: Drive, replicates: int, costs=COLLIDES) -> dict:
     """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,)."""
     runs = [estimates(ring, drive, seed) for seed in range(replicates)]
     scores, shown = {}, plans_shown(ring, drive)
-    paths = [
-        gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta, shown, costs)
-        for t in range(STEPS + 1)
-    ]
+    beta, ahead = ring.feasibility.beta, looked_ahead(ring)
+    commands = [drive.commands(t, ahead) for t in range(STEPS + 1)]
+    paths = [gamma(t, taken, beta, shown, costs) for t, taken in enumerate(commands)]
     for t, offset in runs[0]:
         exact = paths[t][t + offset]
         seen = np.array([one[t, offset] for one in runs])
@@ -287,9 +275,8 @@ def z_scores(
         # A value never seen must have no weight: an infinite score if it has some.
         with np.errstate(divide="ignore", invalid="ignore"):
             score = (seen.mean(axis=0) - exact) / error
-        scores[t, offset] = np.where(
-            np.isclose(seen.mean(axis=0), exact, rtol=1e-12, atol=0), 0.0, score
-        )
+        same = np.isclose(seen.mean(axis=0), exact, rtol=1e-12, atol=0)
+        scores[t, offset] = np.where(same, 0.0, score)
     return scores
 
 

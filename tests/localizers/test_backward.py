@@ -12,6 +12,8 @@ from localizers.inference.particles import Resampling, multinomial
 from localizers.models.scan import Scan
 
 ACTIONS = np.array(ring.AS_PLANNED.executed, float)[:, None]
+MOTIONS = [DifferentialMotion(), OmniMotion(), OdometryMotion(drive=0.2, turn=0.2, drift=0.2)]
+STEP_ACTIONS = [(0.2, 0.0, 0.0), (0.15, 0.05, 0.1), (0.0, 0.0, 0.1), (-0.2, 0.0, 0.05)]
 
 
 class RingTransition(ring.RingMotion):
@@ -80,9 +82,8 @@ def test_on_a_line_it_is_the_smoother_of_rauch_tung_and_striebel():
     runs, evidence = [], []
     for seed in range(40):
         stream = np.random.default_rng(seed)
-        clouds, own = forward(
-            Start(), Line(), Line(), scans, actions, 500, stream, dtype=np.float64
-        )
+        line, how = Line(), {"dtype": np.float64}
+        clouds, own = forward(Start(), line, line, scans, actions, 500, stream, **how)
         evidence.append(math.exp(own - log_evidence))
         runs.append(backward(clouds, Line(), actions, 100, stream)[:, 0])
     assert np.mean(evidence) == pytest.approx(1, abs=0.05)
@@ -94,10 +95,6 @@ def test_on_a_line_it_is_the_smoother_of_rauch_tung_and_striebel():
     np.testing.assert_allclose(paths.var(axis=1), variances, rtol=0.15)
     apart = np.add(variances[1:], variances[:-1]) - 2 * together
     np.testing.assert_allclose(np.diff(paths, axis=0).var(axis=1), apart, rtol=0.15)
-
-
-MOTIONS = [DifferentialMotion(), OmniMotion(), OdometryMotion(drive=0.2, turn=0.2, drift=0.2)]
-STEP_ACTIONS = [(0.2, 0.0, 0.0), (0.15, 0.05, 0.1), (0.0, 0.0, 0.1), (-0.2, 0.0, 0.05)]
 
 
 @pytest.mark.parametrize("motion", MOTIONS, ids=lambda motion: type(motion).__name__)

@@ -8,21 +8,15 @@ import pytest
 from following import follow, same, varied
 from refusals import refused
 from ring import PRIOR, SENSOR
+from test_checks import HERE
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers import GaussianPrior, GaussianUniform, RobotModel
-from localizers.checks import LAWS, report_of
-from localizers.checks.laws import runs_in_a_worker
+from localizers.checks import report_of
 from localizers.checks.subject import localizer_drive
-from localizers.inference.beam_filters import (
-    JUDGES,
-    DistanceFilter,
-    EntropyFilter,
-    PlaceCells,
-    beam_filter,
-    judges,
-)
+from localizers.inference import beam_filters
+from localizers.inference.beam_filters import DistanceFilter, EntropyFilter, PlaceCells, judges
 from localizers.models.scan import LidarScan, Scan
 
 HALL = PolygonMap(outer=[(0, 0), (300, 0), (300, 200), (0, 200)])
@@ -138,7 +132,7 @@ def test_cells_are_squares_and_sectors_wherever_headings_are_wrapped():
 
 def test_many_particles_are_represented_by_evenly_spaced_ones_and_few_by_all():
     states = np.arange(3 * 2000.0).reshape(3, 2000)
-    for n, apart in ((2000, 4.0), (JUDGES, 1.0)):
+    for n, apart in ((2000, 4.0), (beam_filters.JUDGES, 1.0)):
         some, weights = judges(states[:, :n], np.where(np.arange(n) % 4, 0.0, -np.inf))
         assert np.unique(np.diff(some[0])).tolist() == [apart]
         assert weights.sum() == pytest.approx(1)  # also where those taken all weigh 0
@@ -172,9 +166,7 @@ def test_a_filter_that_drops_a_beam_is_the_filter_without_it_and_counts_it_bit_b
 @pytest.mark.parametrize("name", ["distance", "entropy"])
 def test_every_law_is_kept_with_a_filter_of_beams(name):
     drive = localizer_drive("deq-mcl", beam_filter=name, particles=50, lag=3)
-    report = report_of(
-        drive, {law: need for law, need in LAWS.items() if law is not runs_in_a_worker}
-    )
+    report = report_of(drive, HERE)
     assert {verdict.status for verdict in report.verdicts} == {"ok"}, report
 
 
@@ -187,6 +179,6 @@ def test_a_beam_model_without_sigma_and_a_hedge_have_no_filter():
             return 1.0
 
     with refused("the beam model is of type Flat, without sigma"):
-        beam_filter("distance", replace(ROBOT, scan=Flat()))
+        beam_filters.beam_filter("distance", replace(ROBOT, scan=Flat()))
     with refused("beam_filter"):
         localizers.make("mcl-plan-hedged", ROBOT, beam_filter="distance")

@@ -42,9 +42,8 @@ def seen_from(robot, pose, missing=()) -> Scan:
 
 def test_the_error_is_the_sum_over_usable_beams_and_inf_where_the_robot_does_not_fit(office):
     plan, (low, high) = office.floor_plan, np.reshape(office.floor_plan.bounds, (2, 2))
-    poses = np.column_stack(
-        [RNG(0).uniform(low - 1, high + 1, (9000, 2)), RNG(1).normal(size=9000)]
-    )
+    places, headings = RNG(0).uniform(low - 1, high + 1, (9000, 2)), RNG(1).normal(size=9000)
+    poses = np.column_stack([places, headings])
     poses = poses.astype(np.float32)
     scan = seen_from(office, np.array([*plan.placed([(60, 60)])[0], 0.3]), missing=(2, 5))
     found = error_of(office)(poses.T, scan)
@@ -53,11 +52,8 @@ def test_the_error_is_the_sum_over_usable_beams_and_inf_where_the_robot_does_not
     assert np.array_equal(np.isinf(found), ~free)
     for i in np.flatnonzero(free)[::200]:
         expected = plan.ranges(poses[i : i + 1], office.lidar.bearings)[0]
-        own = sum(
-            abs(o - min(float(e), 6.0))
-            for o, e in zip(scan.ranges, expected, strict=True)
-            if not math.isnan(o)
-        )
+        both = zip(scan.ranges, expected, strict=True)
+        own = sum(abs(o - min(float(e), 6.0)) for o, e in both if not math.isnan(o))
         assert found[i] == pytest.approx(own, abs=1e-4)  # float32 ranges
 
 

@@ -7,66 +7,45 @@ from pathlib import Path
 import numpy as np
 import pytest
 from broken import LeavesAProcess, ProcessStateUntouched, TakesTheSecondForTheTurn
+from following import small
 from refusals import refused
 
 import localizers
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.maps.map import scaled
 from localizers import template
-from localizers.checks import (
-    LAWS,
-    check_localizer,
-    default_robot,
-    law_name,
-    parametrize_with_laws,
-    report_of,
-)
+from localizers.checks import check_localizer, default_robot, law_name, report_of, subject
 from localizers.checks import laws as laws_of
-from localizers.checks.subject import (
-    LawBrokenError,
-    difference,
-    localizer_drive,
-    process_state,
-    random_drive,
-    robot_on,
-    state_kept,
-)
+from localizers.checks import parametrize_with_laws as with_laws
+from localizers.checks.subject import localizer_drive, process_state
 from localizers.models.nav2_motion import DifferentialMotion
 from localizers.template import MyLocalizer
 
 BROKEN = Path(__file__).parent / "broken.py"
 NAV2 = scaled(DifferentialMotion(), 50.0)  # in px
 # all but that for which a process of a second or two is started
-HERE = {law: need for law, need in LAWS.items() if law is not laws_of.runs_in_a_worker}
+HERE = {law: need for law, need in laws_of.LAWS.items() if law is not laws_of.runs_in_a_worker}
 
 
 def example(law):
     return f"{BROKEN}:{law_name(law).title().replace(' ', '')}"
 
 
-def coarse(name):
-    """Parameters without which a localizer is slow."""
-    if name == "cbgl":
-        return {"poses": 1000}
-    return {"cell": 20.0, "headings": 36} if name == "grid" else {}
-
-
 @pytest.mark.parametrize("name", localizers.names())
 def test_every_built_in_localizer_keeps_all_laws(name):
-    verdicts = report_of(localizer_drive(name, **coarse(name)), HERE).verdicts
+    verdicts = report_of(localizer_drive(name, **small(name, 500)), HERE).verdicts
     has_particles = "particles" in localizers.parameters(name)
     others = {verdict.law: verdict.status for verdict in verdicts if verdict.status != "ok"}
     assert others == ({} if has_particles else {"one particle": "skipped"})
 
 
-@parametrize_with_laws(MyLocalizer, particles=50)
+@with_laws(MyLocalizer, particles=50)
 def test_the_template_keeps(law):
     law()
 
 
-WITH_AN_EXAMPLE = [
-    law for law in HERE if law not in (laws_of.answers_in_time, laws_of.increments_of_three)
-]
+WITHOUT_ONE = laws_of.answers_in_time, laws_of.increments_of_three
+WITH_AN_EXAMPLE = [law for law in HERE if law not in WITHOUT_ONE]
 
 
 @pytest.mark.parametrize("law", WITH_AN_EXAMPLE, ids=law_name)
@@ -87,11 +66,9 @@ def test_a_drive_that_takes_longer_than_the_limit_breaks_its_law():
 
 @pytest.mark.parametrize("name", ["ekf", "grid"])
 def test_estimators_in_closed_form_take_navs_motion_as_the_turn_and_drive_of_its_variances(name):
-    runs = (
-        localizer_drive(name, replace(default_robot(), motion=motion), **coarse(name)).history()
-        for motion in (NAV2, NAV2.turn_and_drive)
-    )
-    assert difference(*runs) is None
+    robots = (replace(default_robot(), motion=one) for one in (NAV2, NAV2.turn_and_drive))
+    runs = (localizer_drive(name, robot, **small(name, 0)).history() for robot in robots)
+    assert subject.difference(*runs) is None
 
 
 def test_a_plug_in_that_knows_increments_of_two_numbers_only_is_told_so():
@@ -118,7 +95,7 @@ def robot_on_cells():
     """In a hall of 9 m by 7 m with a pillar, in cells of 0.1 m."""
     cells = np.zeros((70, 90), np.int8)
     cells[[0, -1]] = cells[:, [0, -1]] = cells[28:40, 28:60] = 100
-    return robot_on(GridMap(occupancy=cells, resolution=0.1))
+    return subject.robot_on(GridMap(occupancy=cells, resolution=0.1))
 
 
 @pytest.mark.parametrize("made", [default_robot, robot_on_cells])
@@ -126,9 +103,8 @@ def robot_on_cells():
 def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed, made):
     robot = made()
     robot = replace(robot, lidar=replace(robot.lidar, max_range=robot.lidar.max_range * 3 / 8))
-    drive = replace(
-        localizer_drive("dead-reckoning", robot), **random_drive(robot, np.random.default_rng(seed))
-    )
+    drawn = subject.random_drive(robot, np.random.default_rng(seed))
+    drive = replace(localizer_drive("dead-reckoning", robot), **drawn)
     belief, _ = next(drive.steps())
     poses = np.vstack([belief.points(t)[0] for t in range(len(drive.plans[0]) + 1)])
     collides = robot.floor_plan.collides(poses[:-1], poses[1:], robot.radius)
@@ -165,7 +141,7 @@ def test_a_changed_state_of_the_process_is_named_and_put_back(change):
 
 
 def test_a_process_that_is_left_running_is_named():
-    with pytest.raises(LawBrokenError, match=r"it leaves the process \d+.* running"):
+    with pytest.raises(subject.LawBrokenError, match=r"it leaves the process \d+.* running"):
         laws_of.nothing_left_running(localizer_drive(LeavesAProcess))
 
 
@@ -185,7 +161,7 @@ def test_a_deterministic_localizer_that_needs_a_mean_is_told_so_and_passes():
 )
 def test_what_an_import_changes_of_the_process_is_seen(tmp_path, line, broken):
     (tmp_path / "mine.py").write_text(f"{line}\n{inspect.getsource(template)}")
-    with state_kept():
+    with subject.state_kept():
         report = check_localizer(f"{tmp_path}/mine.py:MyLocalizer")
         verdict = report.verdict("process state untouched")
     assert verdict.status == ("FAILED" if broken else "ok")
@@ -225,4 +201,4 @@ def test_expected_failures_are_strict_xfails(pytester):
 
 def test_an_expected_failure_of_no_law_is_refused():
     with refused("did you mean 'finite'"):
-        parametrize_with_laws("mcl", expected_failures={"finit": "?"})
+        with_laws("mcl", expected_failures={"finit": "?"})

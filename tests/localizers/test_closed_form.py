@@ -11,6 +11,8 @@ from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers.methods import classical as kernels
 from localizers.methods.classical import gaussian_points
 
+COVARIANCE = np.array([[90.0, 20.0, 0.6], [20.0, 60.0, -0.4], [0.6, -0.4, 0.03]])
+
 
 def test_it_adds_the_commands_up_and_rolls_the_plan_out(robot, prior):
     square = np.array([(10.0, math.pi / 2)] * 4)
@@ -38,9 +40,6 @@ def test_it_follows_what_was_carried_out_not_what_was_planned(robot, prior):
     x, y, _ = prior.mean
     assert belief.points()[0][0, :2].tolist() == [x + 3, y]
     assert belief.points(1)[0][0, :2].tolist() == [x + 10, y]
-
-
-COVARIANCE = np.array([[90.0, 20.0, 0.6], [20.0, 60.0, -0.4], [0.6, -0.4, 0.03]])
 
 
 @pytest.mark.parametrize("bearing", [0.0, 0.9, -math.pi / 2])
@@ -119,10 +118,8 @@ def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):
 
 def test_a_beam_beyond_the_gate_is_left_out_and_counted(corridor):
     prior = localizers.GaussianPrior(mean=(100, 50, 0.0), sd_position=2.0, sd_heading=0.01)
-
-    gated, lost = (
-        updated("ekf", corridor, prior, [50.0, ahead, 50.0]) for ahead in (90.0, math.nan)
-    )
+    scans = ([50.0, ahead, 50.0] for ahead in (90.0, math.nan))
+    gated, lost = (updated("ekf", corridor, prior, scan) for scan in scans)
     assert gated.events.gated_beams == 1
     assert gated.mean == pytest.approx(lost.mean)
     assert gated.covariance == pytest.approx(lost.covariance)
@@ -140,9 +137,8 @@ def test_beams_that_cannot_read_anything_but_max_range_tell_nothing(gate):
         scan=localizers.CensoredGaussianUniform(sigma=10.0),
     )
     prior = localizers.GaussianPrior(mean=(1000, 1000, 0.0), sd_position=5.0)
-    seen, blind = (
-        updated("ekf", hall, prior, [o] * 4, gate=gate, action=[20, 0]) for o in (400.0, math.nan)
-    )
+    how = {"gate": gate, "action": [20, 0]}
+    seen, blind = (updated("ekf", hall, prior, [o] * 4, **how) for o in (400.0, math.nan))
     assert seen.events.gated_beams == 0
     assert seen.mean.tolist() == blind.mean.tolist()
     assert seen.covariance.tolist() == blind.covariance.tolist()

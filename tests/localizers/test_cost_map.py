@@ -37,16 +37,14 @@ def test_with_graded_steps_the_unnormalised_estimate_is_unbiased_for_gamma(name,
 
 def test_a_step_costs_1_if_it_collides_else_what_the_nearest_wall_makes_of_its_end(room):
     before, after = steps(2000)
-    graded = CostMap(
-        floor_plan=room, radius=8.0, inflation_radius=30.0, cost_scaling_factor=0.1, beta=2.0
-    )
+    how = {"inflation_radius": 30.0, "cost_scaling_factor": 0.1, "beta": 2.0}
+    graded = CostMap(floor_plan=room, radius=8.0, **how)
     log_g = graded.log_g(before, after)
     collides = room.collides(before.T, after.T, 8.0)
     x, y = after[:2].astype(np.float64)
     outer = np.minimum.reduce([x, 350 - x, y, 300 - y])
-    inner = np.hypot(
-        np.maximum(np.maximum(100 - x, x - 250), 0), np.maximum(np.maximum(100 - y, y - 200), 0)
-    )
+    beside, above = np.maximum(100 - x, x - 250), np.maximum(100 - y, y - 200)
+    inner = np.hypot(np.maximum(beside, 0), np.maximum(above, 0))
     distance = np.minimum(outer, inner)
     cost = np.where(distance <= 30, np.exp(-0.1 * (distance - 8)), 0.0)
     expected = np.where(collides, -2.0, -2.0 * cost)
@@ -65,19 +63,15 @@ def test_inflated_by_no_more_than_the_robot_it_is_free_space_bit_by_bit(room, be
 
 @pytest.mark.parametrize("name", METHODS_ON_THE_MAP)
 def test_so_is_every_method_that_takes_it(robot, prior, drive, name):
-    runs = [
-        follow(make(name, robot, particles=50, **params), prior, drive)
-        for params in ({}, {"inflation_radius": 8.0}, {"inflation_radius": 40.0})
-    ]
+    radii = ({}, {"inflation_radius": 8.0}, {"inflation_radius": 40.0})
+    runs = [follow(make(name, robot, particles=50, **one), prior, drive) for one in radii]
     assert same(runs[0], runs[1])
     assert not same(runs[0], runs[2])
 
 
 def test_with_an_infinite_beta_only_steps_that_cost_something_are_rejected(room):
-    before, after = steps(500)
     graded = CostMap(floor_plan=room, radius=8.0, inflation_radius=20.0, beta=np.inf)
-    log_g = graded.log_g(before, after)
-    assert {*log_g.tolist()} == {0.0, -np.inf}
+    assert {*graded.log_g(*steps(500)).tolist()} == {0.0, -np.inf}
 
 
 def test_the_default_falls_as_navs_in_either_unit(room):

@@ -15,10 +15,7 @@ from __future__ import annotations
 from typing import Annotated
 class Own:
     """Stand still."""
-    def __init__(
-        self, robot, a: Annotated[int, "at least 1"] = 3, *, b=0.5, c, **others
-    ):
-        pass
+    def __init__(self, robot, a: Annotated[int, "at least 1"] = 3, *, b=0.5, c, **others): ...
     def reset(self, prior, plan, rng): ...
     def update(self, ranges, action, plan): ...
 '''
@@ -31,20 +28,15 @@ def test_every_parameter_of_a_built_in_localizer_has_words(name):
     assert [one.name for one in described.parameters] == list(localizers.parameters(name))
     assert all(one.meaning for one in described.parameters)
     signature = inspect.signature(localizers.resolve(name)).parameters
-    assert {p.name: signature[p.name].default for p in described.parameters} == {
-        p.name: p.default for p in described.parameters
-    }
+    assert all(signature[p.name].default == p.default for p in described.parameters)
 
 
 def test_a_plug_in_is_described_by_its_annotations_and_the_first_line_of_its_docstring(tmp_path):
     (tmp_path / "own.py").write_text(SOURCE)
     described = localizers.describe(f"{tmp_path}/own.py")
     assert described.sentence == "Stand still."
-    assert [tuple(one) for one in described.parameters] == [
-        ("a", 3, "at least 1"),
-        ("b", 0.5, ""),
-        ("c", inspect.Parameter.empty, ""),
-    ]
+    required = ("c", inspect.Parameter.empty, "")
+    assert described.parameters == (("a", 3, "at least 1"), ("b", 0.5, ""), required)
     assert "  c  required" in repr(described).splitlines()
 
 

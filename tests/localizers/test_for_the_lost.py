@@ -23,6 +23,7 @@ from localizers.models.prior import even_poses, random_poses
 
 RNG = np.random.default_rng
 FOR_THE_LOST = ["mcl-map", "mcl-plan"]
+DRIVE, TURN, BACK = (5.0, 0.0), (5.0, 0.3), (-5.0, 0.0)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
@@ -35,9 +36,8 @@ def test_a_place_is_found_on_a_map_that_is_nearly_full(angle):
     assert full.free(poses, 0.16).all()
     corner, far = full.placed([(3000, 600), (3040, 640)])
     assert poses[:, :2].mean(axis=0) == pytest.approx((corner + far) / 2, abs=0.02)  # 6 σ
-    assert prior.log_density(poses[:1])[0] == pytest.approx(
-        -math.log(1.68**2 * 2 * math.pi), abs=0.02
-    )
+    density = prior.log_density(poses[:1])[0]
+    assert density == pytest.approx(-math.log(1.68**2 * 2 * math.pi), abs=0.02)
     assert full.free(even_poses(full, 128).T).all()
     with refused("none is free for a radius of 1.1"):
         random_poses(full, 50_000, RNG(0), 1.1)
@@ -85,10 +85,8 @@ def test_the_belief_says_at_which_power_its_scan_was_taken(name, robot, prior, d
 @pytest.mark.parametrize("more", [{}, {"ess_threshold": 0.5}])
 def test_as_long_as_the_averages_agree_nothing_is_injected(name, more, robot, prior, drive):
     rates = {"recovery_alpha_slow": 0.2, "recovery_alpha_fast": 0.2}
-    plain, watchful = (
-        follow(localizers.make(name, robot, particles=60, **more, **extra), prior, drive)
-        for extra in ({}, rates)
-    )
+    made = (localizers.make(name, robot, particles=60, **more, **extra) for extra in ({}, rates))
+    plain, watchful = (follow(localizer, prior, drive) for localizer in made)
     assert same(plain, watchful, offsets=range(-6, 1))
     rates["recovery_alpha_fast"] = 0.9
     lost = follow(localizers.make(name, robot, particles=60, **more, **rates), prior, drive)
@@ -131,14 +129,10 @@ def test_with_a_given_share_the_mixture_is_exact(strategy):
     exact = [ring.PRIOR]
     for command, seen in zip(ring.AS_PLANNED.executed, ring.OBSERVED, strict=True):
         moved = exact[-1] @ ring.transition(command, beta)
-        exact.append(
-            ((1 - share) * moved + share * moved.sum() * everywhere) * ring.SENSOR[:, seen]
-        )
+        mixed = (1 - share) * moved + share * moved.sum() * everywhere
+        exact.append(mixed * ring.SENSOR[:, seen])
     error = found.std(axis=0, ddof=1) / math.sqrt(replicates)
     assert np.abs((found.mean(axis=0) - exact) / error).max() < 5
-
-
-DRIVE, TURN, BACK = (5.0, 0.0), (5.0, 0.3), (-5.0, 0.0)
 
 
 @pytest.mark.parametrize(

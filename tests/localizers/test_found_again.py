@@ -8,17 +8,10 @@ import pytest
 from believing import Believes
 from refusals import refused
 
+import localizers
 from deqmcl_gym import GridMap, Lidar
 from deqmcl_gym.logs.motion import composed, dead_reckoned, relative
-from localizers import (
-    GaussianPrior,
-    GaussianUniform,
-    PointsBelief,
-    Relocalization,
-    RobotModel,
-    Tracker,
-    make,
-)
+from localizers import GaussianPrior, PointsBelief, Relocalization, RobotModel, Tracker, make
 
 LIDAR = Lidar(beams=60, field_of_view=math.pi, max_range=8.0)
 CORNERS = [(1.0, 1.0), (10.0, 1.2), (11.0, 7.8), (6.5, 7.0), (6.2, 3.0), (1.2, 3.5), (1.5, 8.0)]
@@ -55,11 +48,8 @@ def drive():
 
 
 def tracker(seed=0, floor_plan=None, recovery=Relocalization(poses=20_000), **params):  # noqa: B008
-    robot = RobotModel(
-        floor_plan=hall() if floor_plan is None else floor_plan,
-        lidar=LIDAR,
-        scan=GaussianUniform(sigma=0.1, power=0.3),
-    )
+    plan, scan = floor_plan or hall(), localizers.GaussianUniform(sigma=0.1, power=0.3)
+    robot = RobotModel(floor_plan=plan, lidar=LIDAR, scan=scan)
     localizer = make("mcl", robot, particles=300)
     return Tracker(localizer, np.random.default_rng(seed), recovery=recovery, **params)
 

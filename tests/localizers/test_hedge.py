@@ -19,6 +19,9 @@ from localizers.models.scan import LidarScan, Scan
 N = 60
 RNG = np.random.default_rng
 SOME = st.floats(-50.0, 20.0)
+BETA, SWITCHING, TRUST, MANY = 2.0, 0.2, 0.6, 400_000
+# of frequencies of n draws, resampled at each of 4 steps: 5 standard deviations
+TOLERANCE = 5 * 0.5 * math.sqrt(5 / MANY)
 
 
 @settings(max_examples=300)
@@ -50,7 +53,6 @@ def test_what_is_unknown_or_impossible_to_both_moves_no_trust():
 
 
 def misled(drive, seed):
-    """Plans that have nothing to do with the drive."""
     rng, steps = RNG(seed), len(drive[0])
     return [rng.normal((20.0, 0.0), (15.0, 0.5), (20, 2)) for _ in range(steps + 1)]
 
@@ -58,9 +60,8 @@ def misled(drive, seed):
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("mutual", [False, True])
 def test_whatever_plans_say_scans_stay_likely_but_for_a_constant(robot, prior, drive, seed, mutual):
-    hedge = localizers.make(
-        "mcl-plan-hedged", robot, particles=N, switching=0.01, trust=0.7, mutual=mutual
-    )
+    params = {"particles": N, "switching": 0.01, "trust": 0.7, "mutual": mutual}
+    hedge = localizers.make("mcl-plan-hedged", robot, **params)
     beliefs = follow(hedge, prior, drive, seed, plans=misled(drive, seed))[1:]
     told = sum(belief.scan_log_evidence for belief in beliefs)
     stays = len(beliefs) * math.log(0.99)
@@ -158,22 +159,14 @@ def two_modes(drive, beta, switching, trust, *, mutual):
     return told
 
 
-BETA, SWITCHING, TRUST, MANY = 2.0, 0.2, 0.6, 400_000
-# of frequencies of n draws, resampled at each of 4 steps: 5 standard deviations
-TOLERANCE = 5 * 0.5 * math.sqrt(5 / MANY)
-
-
 @pytest.mark.parametrize("mutual", [False, True], ids=["protected", "mutual"])
 @pytest.mark.parametrize("author", ["anew", "stale"])
 def test_many_particles_are_the_two_modes_enumerated(author, mutual):
     drive = ring.AUTHORS[author]
-    advised, protected = (
-        replace(made(BETA), particles=MANY)
-        for made in (ring.with_plans, ring.METHODS["g and past"])
-    )
-    hedge = Hedge(
-        advised=advised, protected=protected, switching=SWITCHING, trust=TRUST, mutual=mutual
-    )
+    made = (one(BETA) for one in (ring.with_plans, ring.METHODS["g and past"]))
+    advised, protected = (replace(filter_, particles=MANY) for filter_ in made)
+    trust = {"switching": SWITCHING, "trust": TRUST, "mutual": mutual}
+    hedge = Hedge(advised=advised, protected=protected, **trust)
     exact = two_modes(drive, BETA, SWITCHING, TRUST, mutual=mutual)
     for belief, (q, *clouds) in zip(ring.beliefs(hedge, drive, seed=0), exact, strict=True):
         assert belief.trusted == pytest.approx(q, abs=TOLERANCE)

@@ -32,6 +32,8 @@ SCANS = (GaussianUniform, CensoredGaussianUniform, BeamModel, LatentShare)
 NARROW = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
 HERE, AWAY = GaussianPrior(mean=(1, 2, 0)), AnnulusRegion(centre=(50.0, 3.0), within=1.0)
 RNG = np.random.default_rng
+PARAMETERS = [(name, word) for name in localizers.names() for word in localizers.parameters(name)]
+NEGATIVE = [one for one in PARAMETERS if one != ("amcl", "pf_z")]  # a quantile may be
 
 
 @pytest.mark.parametrize(
@@ -64,10 +66,6 @@ RNG = np.random.default_rng
 def test_a_bad_parameter_is_refused_with_what_is_allowed(robot, name, params, words):
     with refused(words):
         localizers.make(name, robot, **params)
-
-
-PARAMETERS = [(name, word) for name in localizers.names() for word in localizers.parameters(name)]
-NEGATIVE = [one for one in PARAMETERS if one != ("amcl", "pf_z")]  # a quantile may be
 
 
 @pytest.mark.parametrize(

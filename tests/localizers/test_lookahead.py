@@ -14,6 +14,9 @@ from localizers.inference.hedge import hedged
 from localizers.models.feasibility import FreeSpace
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
+RNG = np.random.default_rng
+MOTION = OdometryMotion(drive=0.2, turn=0.2, drift=0.02)
+PLAN = np.array([(5.0, 0.1), (0.0, -0.26), (5.0, 0.26), (40.0, 0.0), (-5.0, 3.0), (1e7, 0.0)])
 
 
 @pytest.mark.parametrize("evidence", ["plan", "future"])
@@ -54,9 +57,8 @@ def test_a_future_drawn_anew_changes_no_weight_and_no_present(make, prior, drive
     plain = follow(make("mcl-plan", lag=5), prior, drive)
     assert same(looking, plain, PAST)
     assert all(belief.points(1) is None for belief in plain)
-    assert [sum(belief.points(k) is not None for k in range(1, 7)) for belief in looking[-7:]] == [
-        5, 5, 4, 3, 2, 1, 0,
-    ]  # fmt: skip
+    ahead = [sum(belief.points(k) is not None for k in range(1, 7)) for belief in looking[-7:]]
+    assert ahead == [5, 5, 4, 3, 2, 1, 0]
 
 
 def test_a_drawn_future_starts_from_its_own_present_and_follows_the_plan():
@@ -98,11 +100,6 @@ def test_a_hedge_looks_ahead_if_its_advised_member_does(make, robot, prior, driv
         poses, weights = belief.points(5)
         assert np.array_equal(poses, np.concatenate([poses for poses, _ in members]))
         assert np.array_equal(weights, belief.points()[1])
-
-
-RNG = np.random.default_rng
-MOTION = OdometryMotion(drive=0.2, turn=0.2, drift=0.02)
-PLAN = np.array([(5.0, 0.1), (0.0, -0.26), (5.0, 0.26), (40.0, 0.0), (-5.0, 3.0), (1e7, 0.0)])
 
 
 def cloud(n: int) -> np.ndarray:

@@ -14,11 +14,10 @@ from localizers.inference.particles import log_evidence
 from localizers.models.prior import even_poses
 from localizers.models.scan import Scan
 
-OWN = {
-    "grid": {"cell": 10.0, "headings": 36},
-    "amcl": {"laser_model_type": "robot"},  # its field's weights differ by a factor of 3 at most
-}
+# The weights of amcl's field differ by a factor of 3 at most.
+OWN = {"grid": {"cell": 10.0, "headings": 36}, "amcl": {"laser_model_type": "robot"}}
 LOCALIZING = [name for name in localizers.names() if name != "dead-reckoning"]
+LONG = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()  # evidence
 
 
 class Table:
@@ -60,14 +59,12 @@ def test_the_quality_is_that_of_all_paths_through_the_two_states():
 
 
 def test_asking_changes_nothing():
-    evidence = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()
-    assert quality(evidence) == quality(evidence, ask_always=True)
+    assert quality(LONG) == quality(LONG, ask_always=True)
 
 
 def test_of_scans_beyond_the_memory_only_time_remains():
-    evidence = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()
-    forgotten = [math.nan] * MEMORY + evidence[MEMORY:]
-    assert quality(evidence) == pytest.approx(quality(forgotten), rel=1e-12)
+    forgotten = [math.nan] * MEMORY + LONG[MEMORY:]
+    assert quality(LONG) == pytest.approx(quality(forgotten), rel=1e-12)
 
 
 def test_impossible_and_unknown_evidence_leaves_a_number():
@@ -103,10 +100,8 @@ def kidnapped(name: str) -> list[float]:
 
     It turns by enough for a filter that does not look while it stands.
     """
-    plan = PolygonMap(
-        outer=[(0, 0), (300, 0), (300, 200), (0, 200)],
-        obstacles=[[(60, 60), (140, 60), (140, 150), (60, 150)]],
-    )
+    block = [(60, 60), (140, 60), (140, 150), (60, 150)]
+    plan = PolygonMap(outer=[(0, 0), (300, 0), (300, 200), (0, 200)], obstacles=[block])
     lidar = Lidar(beams=9, field_of_view=4.0, max_range=400.0)
     robot = robot_of(plan, lidar, (0.1, 0.1, 0.002), sigma=10.0)
     ahead = [[40.0 + 5 * t, 30.0, 0.0] for t in range(15)]

@@ -15,10 +15,8 @@ N = 100_000
 START = (120.0, -40.0, 0.7)
 STARTS = np.repeat(np.float32(START)[:, None], N, axis=1)
 ACTIONS = [(20.0, 0.0), (20.0, 0.5), (-15.0, -1.0), (3.0, 2.0), (8.0, -3.0)]
-MOTIONS = [
-    OdometryMotion(drive=0.2, turn=0.1, drift=0.01),
-    OdometryMotion(drive=0.05, turn=0.1, drift=0.02),
-]
+NOISES = ({"drive": 0.2, "turn": 0.1, "drift": 0.01}, {"drive": 0.05, "turn": 0.1, "drift": 0.02})
+MOTIONS = [OdometryMotion(**noise) for noise in NOISES]
 
 
 def z(samples: np.ndarray, expected: float) -> float:
@@ -183,9 +181,8 @@ def test_two_noises_stand_for_three_along_a_straight_drive_and_double_across(dis
 
 def driven(model, steps, rng) -> tuple[np.ndarray, np.ndarray]:
     """Increments that an odometry tells, and those of robots that move so by the model."""
-    meant = np.column_stack(
-        [rng.uniform(0.05, 0.5, steps), rng.normal(0, 0.01, steps), rng.normal(0, 0.3, steps)]
-    )
+    ahead, others = rng.uniform(0.05, 0.5, steps), rng.normal(0, [[0.01], [0.3]], (2, steps))
+    meant = np.column_stack([ahead, *others])
     meant[::5, :2] = 0.0  # on the spot
     done = []
     for increment in meant:

@@ -9,17 +9,14 @@ from scipy.spatial import cKDTree
 
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from deqmcl_gym.world import Office
-from localizers.models.nav2_scan import (
-    BeamCubes,
-    BeamSkipping,
-    DistanceTable,
-    LikelihoodField,
-    LikelihoodFieldProb,
-)
+from localizers.models import nav2_scan
+from localizers.models.nav2_scan import BeamCubes, LikelihoodField, LikelihoodFieldProb
 from localizers.models.scan import Scan
 
 LIDAR = Lidar(beams=180, field_of_view=math.pi, max_range=12.0)
 FIELD = {"sigma": 0.2, "farthest": 2.0, "cell": 0.02}
+# the robot at (2.025, 1.025) looks along x: beams to the right, ahead, to the left
+HERE = np.array([[2.025], [1.025], [0.0]], np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +25,8 @@ def building() -> GridMap:
     office = Office(seed=3, wings=1, corridors=1).grid
     cells = office.occupancy.copy()
     cells[np.random.default_rng(0).random(cells.shape) < 0.1] = -1
-    return GridMap(
-        occupancy=cells, resolution=office.resolution, origin=(-3.0, 2.0, 0.3), unknown="obstacle"
-    )
+    there = {"resolution": office.resolution, "origin": (-3.0, 2.0, 0.3)}
+    return GridMap(occupancy=cells, unknown="obstacle", **there)
 
 
 def by_hand(building, lidar, poses, scan, *, step, farthest=2.0, sigma=0.2, hit=0.5, rand=0.5):
@@ -102,19 +98,12 @@ def three_beams(**params) -> dict:
     return {"floor_plan": hall, "lidar": lidar, **params}
 
 
-# the robot at (2.025, 1.025) looks along x: beams to the right, ahead, to the left
-HERE = np.array([[2.025], [1.025], [0.0]], np.float32)
-
-
 def test_three_beams_of_the_beam_model_weigh_as_computed_by_hand():
     # rays: 1.025 m to the edge of the map; 0.975 m to the cell's face; 2.975 m to the edge
     scan = np.array([0.9, 1.2, 10.0])
     short, random = 0.05 * 0.1 * math.exp(-0.1 * 0.9), 0.5 / 10.0
-    q = [
-        0.5 * math.exp(-(0.125**2) / 0.08) + short + random,
-        0.5 * math.exp(-(0.225**2) / 0.08) + random,
-        0.5 * math.exp(-(7.025**2) / 0.08) + 0.05,
-    ]
+    hits = [0.5 * math.exp(-(off**2) / 0.08) for off in (0.125, 0.225, 7.025)]
+    q = [hits[0] + short + random, hits[1] + random, hits[2] + 0.05]
     told = log_w(BeamCubes(**three_beams()), HERE, scan)
     assert math.exp(told[0]) == pytest.approx(1 + sum(v**3 for v in q), rel=1e-5)
     lost = log_w(BeamCubes(**three_beams()), HERE, np.array([np.nan, 1.2, np.inf]))
@@ -134,12 +123,12 @@ def test_rays_stop_at_unknown_cells_whatever_the_map_says_of_them(unknown):
 
 def test_a_map_without_an_occupied_cell_is_as_far_from_walls_as_can_be():
     hall = GridMap(occupancy=np.zeros((20, 20), np.int8), resolution=0.05)
-    assert np.isinf(DistanceTable.of(hall, 2.0, 0.02).squares).all()
+    assert np.isinf(nav2_scan.DistanceTable.of(hall, 2.0, 0.02).squares).all()
 
 
 def test_the_table_of_polygons_is_the_distance_of_its_cells_centres_also_around_the_map():
     room = PolygonMap(outer=[(0, 0), (6, 0), (6, 4), (0, 4)], unit="m")
-    table = DistanceTable.of(room, 1.0, 0.1)
+    table = nav2_scan.DistanceTable.of(room, 1.0, 0.1)
     assert table.frame == (-1.0, -1.0, 1.0, 0.0, 0.1)
     assert table.squares.shape == (60, 80)
     ys, xs = (np.indices(table.squares.shape) + 0.5) * 0.1 - 1.0
@@ -161,9 +150,8 @@ def skipping_case(error_threshold: float):
     scan[[2, 5, 7]] = 0.3
     states = np.zeros((3, 20), np.float32)
     states[0], states[1] = 2.025, 2.0
-    skipping = BeamSkipping(
-        field=field, distance=0.5, threshold=0.3, error_threshold=error_threshold
-    )
+    limits = {"distance": 0.5, "threshold": 0.3, "error_threshold": error_threshold}
+    skipping = nav2_scan.BeamSkipping(field=field, **limits)
     return skipping, states, scan
 
 

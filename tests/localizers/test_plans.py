@@ -45,9 +45,7 @@ def cloud(plan: PolygonMap, n: int, seed: int) -> np.ndarray:
     radius=st.sampled_from([0.0, 0.02, 0.1]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_one_pass_counts_the_steps_that_the_map_says_collide(
-    floor_plan, n, steps, reach, radius, seed
-):
+def test_one_pass_counts_steps_that_the_map_says_collide(floor_plan, n, steps, reach, radius, seed):
     size, poses = floor_plan.bounds[2], cloud(floor_plan, n, seed)
     plan = RNG(seed).normal(0, 1, (steps, 2)) * (reach * size, 1.0)
     first = seed % (steps + 1)
@@ -112,9 +110,8 @@ def test_tempered_a_plan_leaves_as_much_of_the_sample_size_as_promised(logs, cou
 
 # A corridor with one side branch, on the left of whoever comes from the west. From the two poses,
 # one turned into the other by half a turn, a beam ahead sees the same.
-CORRIDOR = PolygonMap(
-    outer=[(0, 0), (400, 0), (400, 50), (125, 50), (125, 200), (75, 200), (75, 50), (0, 50)]
-)
+AROUND = [(0, 0), (400, 0), (400, 50), (125, 50), (125, 200), (75, 200), (75, 50), (0, 50)]
+CORRIDOR = PolygonMap(outer=AROUND)
 WEST, EAST = (60.0, 25.0, 0.0), (340.0, 25.0, math.pi)
 DRIVE, LEFT = (10.0, 0.0), (0.0, math.pi / 2)
 INTO_THE_BRANCH = np.array([DRIVE] * 4 + [LEFT] + [DRIVE] * 8)

@@ -8,28 +8,20 @@ import pytest
 from refusals import refused
 from scipy.stats import chi2
 
+import localizers
 from deqmcl_gym import GridMap, PolygonMap
 from deqmcl_gym.maps import Lidar
-from localizers import (
-    AnnulusRegion,
-    GaussianPrior,
-    MixturePrior,
-    PolygonRegion,
-    RobotModel,
-    UniformPrior,
-    make,
-)
+from localizers import AnnulusRegion, GaussianPrior, MixturePrior, PolygonRegion, UniformPrior, make
 from localizers.checks import default_robot
 
 HALL = PolygonMap(((0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (0.0, 6.0)), unit="m")
 CELLS = np.zeros((60, 80), np.int8)
 CELLS[:, 40:42] = 100
 GRID = GridMap(occupancy=CELLS, resolution=0.1)
-ROBOT = RobotModel(floor_plan=GRID, lidar=Lidar(beams=9, max_range=6.0, sigma=0.1))
+ROBOT = localizers.RobotModel(floor_plan=GRID, lidar=Lidar(beams=9, max_range=6.0, sigma=0.1))
 # not convex, 4 m², as told clockwise; and free all over in the hall
-ROOM = PolygonRegion(
-    corners=((1.0, 1.0), (1.0, 4.0), (3.0, 4.0), (3.0, 3.0), (2.0, 3.0), (2.0, 1.0))
-)
+CORNERS = ((1.0, 1.0), (1.0, 4.0), (3.0, 4.0), (3.0, 3.0), (2.0, 3.0), (2.0, 1.0))
+ROOM = PolygonRegion(corners=CORNERS)
 DOOR = AnnulusRegion(centre=(4.0, 3.0), within=1.5, beyond=0.5)
 EDGE = AnnulusRegion(centre=(0.0, 3.0), within=1.0)
 KITCHEN = UniformPrior(floor_plan=HALL, region=ROOM)
@@ -83,9 +75,8 @@ def test_draws_follow_the_density(prior):
     expected = n * values / values.sum()
     x, y, heading = prior.sample(n, np.random.default_rng(1)).T
     turned = (heading + np.pi) % (2 * np.pi)
-    counted = np.histogramdd(
-        (x, y, turned), bins=(8, 6, 4), range=((0, 8), (0, 6), (0, 2 * np.pi))
-    )[0]
+    sides = {"bins": (8, 6, 4), "range": ((0, 8), (0, 6), (0, 2 * np.pi))}
+    counted = np.histogramdd((x, y, turned), **sides)[0]
     often = expected > 20
     assert counted[expected < 1e-3].sum() <= 3
     # the rim is known to 1 %: its cells may be off by that besides chance, once in 10,000
@@ -95,9 +86,8 @@ def test_draws_follow_the_density(prior):
 
 @pytest.mark.parametrize("name", ["mcl-map", "amcl", "ekf", "grid"])
 def test_filters_start_from_what_a_person_knows(name):
-    prior = MixturePrior(
-        parts=(UniformPrior(floor_plan=GRID, region=ROOM), BED), weights=(9.0, 1.0)
-    )
+    room = UniformPrior(floor_plan=GRID, region=ROOM)
+    prior = MixturePrior(parts=(room, BED), weights=(9.0, 1.0))
     params = {"grid": {"cell": 0.2}}.get(name, {})
     belief = make(name, ROBOT, **params).reset(prior, np.empty((0, 2)), np.random.default_rng(0))
     poses, weights = belief.points()

@@ -8,6 +8,8 @@ import localizers
 from localizers.inference.belief import Queue
 from localizers.models.motion import increments
 
+T = 12
+
 
 @pytest.mark.parametrize("seed", range(60))
 def test_a_random_program_gives_the_states_of_a_list_that_is_copied_as_a_whole(seed):
@@ -46,9 +48,6 @@ def test_an_older_queue_stays_right_whatever_is_made_of_it_or_written_into_its_s
         queue.at(offset)[:] = resampled.at(offset)[:] = 777
         assert np.array_equal(queue.at(offset), start + 100 * offset)
         assert (resampled.at(offset) == start[0, 3] + 100 * offset).all()
-
-
-T = 12
 
 
 def held(belief, reach: int = 30) -> list[int]:

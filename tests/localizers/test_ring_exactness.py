@@ -13,8 +13,6 @@ from localizers.inference.futures import Foresight
 ALWAYS, DEGENERATE = ring.RESAMPLING
 # How it resamples, and β: at β = 10 rare events would break the central limit theorem.
 CONDITIONS = [(ALWAYS, 2.0), (DEGENERATE, 1.0)]
-
-
 SLOW = [
     pytest.param(10_000, name, strategy, drive, beta, marks=pytest.mark.slow)
     for names, drives in ((ring.METHODS, ring.DRIVES), (ring.PLANS, ring.DRIVES | ring.AUTHORS))
@@ -80,9 +78,8 @@ def test_where_the_plan_is_evidence_the_future_is_that_of_a_feasible_plan_as_rol
     away = {}
     for copies in (1, 4, 64):
         made = ring.with_plans(beta)
-        ahead = Foresight(
-            rollout=made.rollout, steps=ring.FUTURE, copies=copies, evidence=made.lookahead
-        )
+        how = {"steps": ring.FUTURE, "copies": copies, "evidence": made.lookahead}
+        ahead = Foresight(rollout=made.rollout, **how)
         looking = replace(made, lookahead=ahead)
         runs, scores = [ring.estimates(looking, drive, seed) for seed in range(replicates)], []
         for t, offset in ((0, 2), (1, 2), (2, 1)):
@@ -97,8 +94,7 @@ def test_where_the_plan_is_evidence_the_future_is_that_of_a_feasible_plan_as_rol
 
 
 def test_a_plan_that_is_kept_is_never_redrawn_and_draws_nothing_for_it():
-    few, many = (
-        list(ring.beliefs(ring.deq(1.0, pilots=m), ring.AS_PLANNED, seed=0))[-1] for m in (1, 16)
-    )
+    filters = (ring.deq(1.0, pilots=m) for m in (1, 16))
+    few, many = (list(ring.beliefs(one, ring.AS_PLANNED, seed=0))[-1] for one in filters)
     assert few.events.replanned_steps == 0
     assert few.log_weights.tolist() == many.log_weights.tolist()

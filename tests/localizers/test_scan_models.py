@@ -1,6 +1,7 @@
 """Scan models: a beam has its book's density, a scan is a product over the beams."""
 
 import math
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -18,6 +19,14 @@ from localizers.models.scan import LidarScan, Scan, ScanTable
 MAX = 400.0
 MODELS = [GaussianUniform, CensoredGaussianUniform, BeamModel]  # products over beams
 ALL = [*MODELS, LatentShare]
+# outside the building no scan is likelier than at any pose inside it, and each beam counts
+SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
+OF_SHARES = [(0.05, 2.0), (0.5, 0.3), (0.2, 50.0)]
+NAN, INF = math.nan, math.inf
+LIDAR = Lidar(beams=5, field_of_view=2.0, max_range=400.0)
+SCAN = np.array([60.0, 80.0, 250.0, 80.0, 60.0])
+PLACES = (50, 50, 0.1), (300, 50, 1.5), (60, 250, -1.0), (175, 150, 0.0)
+POSES = np.array(PLACES, dtype=np.float32).T
 
 
 def phi(z: float) -> float:
@@ -58,10 +67,9 @@ def test_the_compiled_log_likelihood_is_the_sum_of_the_logs_of_the_formulas(mode
     measured = rng.uniform(0, MAX, 40)  # more than one fold
     measured[::5], measured[1::5] = 0.0, MAX
     expected = rng.uniform(0.5, 500, (600, 40)).astype(np.float32)  # more than one block
-    exact = [
-        sum(math.log(exact_density(beam, o, e)) for o, e in zip(measured, row, strict=True))
-        for row in expected.astype(float).tolist()
-    ]
+    rows = expected.astype(float).tolist()
+    pairs = (zip(measured, row, strict=True) for row in rows)
+    exact = [sum(math.log(exact_density(beam, o, e)) for o, e in pair) for pair in pairs]
     # The share of a hit is wide by some 1e-16, in the tails to z² times that; it is under 1e-13 of
     # a density that has a floor, where z < 12. The logarithms are of some units, forty of them.
     seen = beam.log_likelihood(measured, expected, MAX)
@@ -108,14 +116,6 @@ def test_the_power_scales_the_log_likelihood_and_widens_what_a_beam_says(model, 
     assert tempered.least_density(MAX) == plain.least_density(MAX) ** power
     variances = [one.hit_moments(np.array([[50.0]]), MAX)[1].item() for one in (plain, tempered)]
     assert variances[1] == variances[0] / power
-
-
-NAN, INF = math.nan, math.inf
-LIDAR = Lidar(beams=5, field_of_view=2.0, max_range=400.0)
-SCAN = np.array([60.0, 80.0, 250.0, 80.0, 60.0])
-POSES = np.array(
-    [(50, 50, 0.1), (300, 50, 1.5), (60, 250, -1.0), (175, 150, 0.0)], dtype=np.float32
-).T
 
 
 @pytest.fixture(params=[GaussianUniform(), CensoredGaussianUniform(sigma=20.0), BeamModel()])
@@ -180,10 +180,6 @@ def test_any_map_and_any_beam_model_will_do():
             LidarScan(floor_plan=Hall(), lidar=LIDAR, beam=beam)
 
 
-# outside the building no scan is likelier than at any pose inside it, and each beam counts
-SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
-
-
 def sizes(*usual: float):
     """The sizes given, and any between the smallest and the largest."""
     exponents = st.floats(np.log10(usual[0]), np.log10(usual[-1]))
@@ -243,14 +239,9 @@ def test_outside_the_walls_each_usable_beam_counts_minus_thirty(room, beam, used
     assert model.log_likelihood(outside, Scan.of(ranges, 400.0)).tolist() == [used * -30.0]
 
 
-OF_SHARES = [(0.05, 2.0), (0.5, 0.3), (0.2, 50.0)]
-
-
 def parts(model, ranges, expected):
-    return [
-        density(CensoredGaussianUniform(sigma=model.sigma, uniform=share), ranges, expected, MAX)
-        for share in (0.0, 1.0)
-    ]
+    one = partial(CensoredGaussianUniform, sigma=model.sigma)
+    return [density(one(uniform=share), ranges, expected, MAX) for share in (0.0, 1.0)]
 
 
 def log_beta(a: float, b: float) -> float:

@@ -33,16 +33,20 @@ class Same:
     def log_likelihood(self, states, scan):
         return self.model.log_likelihood(states, scan)
 """
-ANSWERS = """
+ASKED = """
 import numpy as np
 
 
-class Answers:
+class Model:
     def __init__(self, floor_plan, lidar):
-        pass
+        self.floor_plan, self.lidar, self.asked = floor_plan, lidar, 0
 
     def log_likelihood(self, states, scan):
-        return {answer}
+        self.asked += 1
+        expected = self.lidar.ranges(self.floor_plan, states, scan.usable)
+        found = -np.abs(np.nan_to_num(expected) - scan.ranges[scan.usable]).sum(axis=1)
+        {}
+        return found
 """
 TRIAL = trial_of("mcl", 0, scenario="guided", params={"particles": 50}, lag=0)
 
@@ -62,9 +66,8 @@ def errors(trial):
 def test_a_plug_in_like_the_built_in_model_gives_its_beliefs(file, robot, prior, drive, name):
     ours = replace(robot, scan=localizers.GaussianUniform(sigma=30.0))
     theirs = replace(robot, scan=ScanPlugIn(kind=str(file), params={"sigma": 30.0}))
-    runs = [
-        follow(localizers.make(name, known, particles=60), prior, drive) for known in (ours, theirs)
-    ]
+    made = (localizers.make(name, known, particles=60) for known in (ours, theirs))
+    runs = [follow(localizer, prior, drive) for localizer in made]
     assert same(*runs)
 
 
@@ -74,17 +77,15 @@ def test_the_power_scales_its_log_likelihood_also_of_more_poses_than_a_block(fil
     made = ScanPlugIn(kind=str(file), power=0.25).made(robot.floor_plan, robot.lidar)
     beam = localizers.GaussianUniform()
     own = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=beam)
-    assert np.array_equal(
-        made.log_likelihood(states, scan), 0.25 * own.log_likelihood(states, scan)
-    )
+    told = made.log_likelihood(states, scan)
+    assert np.array_equal(told, 0.25 * own.log_likelihood(states, scan))
     nothing = Scan.of(np.full(robot.lidar.beams, np.nan), robot.lidar.max_range)
     assert not made.log_likelihood(states, nothing).any()
 
 
 def test_a_scenario_and_a_sweep_find_it_from_their_own_folder(file, tmp_path):
-    (tmp_path / "room.toml").write_text(
-        'base = "guided"\nassumed.scan = { kind = "mine.py", sigma = 40.0 }\n'
-    )
+    assumed = 'assumed.scan = { kind = "mine.py", sigma = 40.0 }'
+    (tmp_path / "room.toml").write_text(f'base = "guided"\n{assumed}\n')
     found = scenario(f"{tmp_path}/room.toml").scan
     assert (found.kind, found.params) == (f"{file}:Same", {"sigma": 40.0})
     (tmp_path / "sweep.toml").write_text(
@@ -114,14 +115,14 @@ def test_its_code_and_the_files_it_ships_are_in_the_key_of_a_trial(file, tmp_pat
 @pytest.mark.parametrize(
     ("answer", "words"),
     [
-        ("np.zeros(3)", r"'mine.py:Answers' answered with shape \(3,\) to 50 poses"),
-        ("np.full(states.shape[1], np.nan)", "'mine.py:Answers' answered nan at the pose"),
-        ("1 / 0", r"'mine.py:Answers' raised ZeroDivisionError.*\(mine.py, line 10\)"),
+        ("np.zeros(3)", r"'mine.py:Model' answered with shape \(3,\) to 50 poses"),
+        ("found * np.nan", "'mine.py:Model' answered nan at the pose"),
+        ("1 / 0", r"'mine.py:Model' raised ZeroDivisionError.*\(mine.py, line 13\)"),
     ],
 )
 def test_a_model_that_answers_amiss_fails_its_trial_in_a_sentence(tmp_path, answer, words):
-    (tmp_path / "mine.py").write_text(ANSWERS.format(answer=answer))
-    trial = replace(TRIAL, assumed={"scan.kind": f"{tmp_path}/mine.py:Answers"})
+    (tmp_path / "mine.py").write_text(ASKED.format(f"return {answer}"))
+    trial = replace(TRIAL, assumed={"scan.kind": f"{tmp_path}/mine.py:Model"})
     with pytest.raises(RuntimeError, match=words):
         errors(trial)
 
@@ -166,23 +167,6 @@ def test_what_looks_at_single_beams_refuses_a_model_of_whole_scans(file, robot, 
     known = replace(robot, scan=ScanPlugIn(kind=str(file)))
     with refused("scan model"):
         localizers.make(name, known, **params)
-
-
-ASKED = """
-import numpy as np
-
-
-class Model:
-    def __init__(self, floor_plan, lidar):
-        self.floor_plan, self.lidar, self.asked = floor_plan, lidar, 0
-
-    def log_likelihood(self, states, scan):
-        self.asked += 1
-        expected = self.lidar.ranges(self.floor_plan, states, scan.usable)
-        found = -np.abs(np.nan_to_num(expected) - scan.ranges[scan.usable]).sum(axis=1)
-        {}
-        return found
-"""
 
 
 @pytest.mark.parametrize("kind", BEAM_MODELS)

@@ -79,11 +79,9 @@ def follower(**params):
 def test_a_log_fed_message_by_message_gives_the_beliefs_of_its_replay(lap, name, params):
     hall, log = lap
     env = LogEnv(log=log, every=NEAR, map=hall)  # its plan is none of their business
-    robot = RobotModel(floor_plan=hall, lidar=env.lidar)
-    run = moments(
-        env, make_agent("open-loop", robot), make(name, robot, **params), lambda: start(log),
-        np.random.default_rng(5), seed=0,
-    )  # fmt: skip
+    robot, rng = RobotModel(floor_plan=hall, lidar=env.lidar), np.random.default_rng(5)
+    agent, localizer = make_agent("open-loop", robot), make(name, robot, **params)
+    run = moments(env, agent, localizer, lambda: start(log), rng, seed=0)
     replayed = [moment.belief.points() for moment in run][1:]
     found = fed(begun(tracker_of(lap, name, **params), log), messages(log))
     assert len(found) == len(replayed) > 10
@@ -230,9 +228,8 @@ def test_an_estimate_is_carried_on_by_the_odometry_and_looks_back_as_far_as_it_r
     for time in (52.25, 55.0, 59.75):
         found = tracker.at(time)
         before, after = log.odometry[int(time)], log.odometry[math.ceil(time)]
-        assert found.odometry[0] == pytest.approx(
-            np.interp(time % 1, [0, 1], [before[0], after[0]])
-        )
+        x = np.interp(time % 1, [0, 1], [before[0], after[0]])
+        assert found.odometry[0] == pytest.approx(x)
         assert found.time == time
     alone = begun(tracker_of(lap), log)
     fed(alone, [one for one in messages(log) if one[1] <= 55])
@@ -252,9 +249,8 @@ def test_a_start_waits_for_its_odometry_and_a_new_one_begins_anew(lap):
     assert tracker.counts.scans_before_start == 3
     fed(tracker, first[6:])
     assert tracker.counts.updates > 10
-    assert tracker.initialpose(
-        GaussianPrior(mean=(3.0, 1.0, 0.5), sd_position=1e-6, sd_heading=0.0)
-    )
+    other = GaussianPrior(mean=(3.0, 1.0, 0.5), sd_position=1e-6, sd_heading=0.0)
+    assert tracker.initialpose(other)
     assert tracker.at().pose == pytest.approx((3.0, 1.0, 0.5), abs=1e-4)
 
 

@@ -13,16 +13,9 @@ from hypothesis import strategies as st
 import localizers
 from deqmcl_gym.maps import Lidar
 from localizers import best_cluster, mean_pose
+from localizers.inference import particles
 from localizers.inference.belief import ParticleBelief, Queue
-from localizers.inference.particles import (
-    SCHEMES,
-    Resampling,
-    effective_sample_size,
-    log_sum_exp,
-    normalized_with_log_sum,
-    stratified,
-    systematic,
-)
+from localizers.inference.particles import SCHEMES, Resampling, log_sum_exp
 from localizers.methods import grid as grid_motion
 from localizers.methods.classical import gaussian_points, sigma_points
 from localizers.models.scan import Scan
@@ -30,6 +23,10 @@ from localizers.models.scan import Scan
 INF = math.inf
 LOG = st.sampled_from([0.0, -INF, -1e308, 1e308, -745.2, -1e-300]) | st.floats(-1.7e308, 1e3)
 SHARE = st.sampled_from([0.0, 1e-300, 1e-16, 1.0]) | st.floats(0, 1)
+quietly = pytest.mark.filterwarnings("error")  # inf - inf and 0 · inf would say so
+INTO_THE_WALL = np.tile([-80.0, 0.0], (6, 1))  # from (50, 50, 0): x = -30 after the first step
+AHEAD = np.tile([10.0, 0.0], (6, 1))
+SCANS = np.full((6, 1), 250.0)
 
 
 def lists(of, least=1, most=60):
@@ -58,11 +55,12 @@ def test_weights_are_a_distribution_with_the_ratios_of_their_logarithms(logs):
     if not expected:
         assert log_sum_exp(np.array(logs)) == -INF
         return
-    seen, log_sum = normalized_with_log_sum(np.array(logs))
+    seen, log_sum = particles.normalized_with_log_sum(np.array(logs))
     assert seen == pytest.approx(expected, rel=1e-12, abs=1e-300)
     assert (seen >= 0).all()
     assert seen.sum() == pytest.approx(1.0, abs=1e-12)
-    assert effective_sample_size(seen) == pytest.approx(1 / math.fsum(w * w for w in expected))
+    effective = particles.effective_sample_size(seen)
+    assert effective == pytest.approx(1 / math.fsum(w * w for w in expected))
     total = max(logs) + math.log(math.fsum(math.exp(log - max(logs)) for log in logs))
     assert log_sum_exp(np.array(logs)) == log_sum == pytest.approx(total)
 
@@ -72,9 +70,8 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
     before, factor = given_logs
     belief = cloud(before)
     logs = np.array(factor)
-    after = (
-        belief.scanned(Scan.of(np.zeros(1), 1.0), logs, 256) if is_scan else belief.reweighted(logs)
-    )
+    scan = Scan.of(np.zeros(1), 1.0)
+    after = belief.scanned(scan, logs, 256) if is_scan else belief.reweighted(logs)
     expected = shares_of([a + b for a, b in zip(before, factor, strict=True)])
     assert after.events.weight_collapses == (not expected)
     if expected:
@@ -174,14 +171,14 @@ def test_a_particle_is_copied_floor_or_ceil_n_w_times_or_within_two_of_n_w_if_st
             chosen = scheme(weights, rng)
             assert (np.diff(chosen) >= 0).all()
             assert (weights[chosen] > 0).all()
-        copies = counts(systematic(weights, rng))
+        copies = counts(particles.systematic(weights, rng))
         assert (copies >= np.floor(n * weights - 1e-9)).all()
         assert (copies <= np.ceil(n * weights + 1e-9)).all()
-        assert (np.abs(counts(stratified(weights, rng)) - n * weights) < 2 + 1e-9).all()
+        assert (np.abs(counts(particles.stratified(weights, rng)) - n * weights) < 2 + 1e-9).all()
 
 
 def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_particle():
-    assert systematic(np.zeros(3), np.random.default_rng(0)).tolist() == [0] * 3
+    assert particles.systematic(np.zeros(3), np.random.default_rng(0)).tolist() == [0] * 3
 
 
 def test_multinomial_resampling_has_the_multinomial_variance():
@@ -198,7 +195,7 @@ def test_the_rng_is_used_the_same_whether_or_not_resampling_triggers(name, weigh
     for strategy in [Resampling(scheme, threshold) for threshold in (None, 0, 0.5, 1)]:
         rng = np.random.default_rng(7)
         with np.errstate(divide="ignore"):
-            strategy.ancestors(normalized_with_log_sum(np.log(weights))[0], rng)
+            strategy.ancestors(particles.normalized_with_log_sum(np.log(weights))[0], rng)
         states.append(rng.bit_generator.state)
     assert all(state == states[0] for state in states)
     assert states[0] != np.random.default_rng(7).bit_generator.state
@@ -209,7 +206,7 @@ def test_resampling_triggers_iff_the_effective_sample_size_is_below_the_threshol
     rng, seen = np.random.default_rng(9), set()
     for _ in range(200):
         log_weights = np.log(random_weights(20, rng) + 1e-300)
-        weights, _ = normalized_with_log_sum(log_weights)
+        weights, _ = particles.normalized_with_log_sum(log_weights)
         chosen = Resampling(ess_threshold=threshold).ancestors(weights, rng)
         degenerate = weights.sum() ** 2 / (weights**2).sum() < threshold * 20
         assert (chosen is not None) == degenerate
@@ -256,12 +253,6 @@ def test_it_is_the_heaviest_cell_and_its_neighbours(n, spread, equal, unit, seed
     assert found.mean == pytest.approx(mean_pose(poses[near], weights[near] / found.share))
 
 
-quietly = pytest.mark.filterwarnings("error")  # inf - inf and 0 · inf would say so
-INTO_THE_WALL = np.tile([-80.0, 0.0], (6, 1))  # from (50, 50, 0): x = -30 after the first step
-AHEAD = np.tile([10.0, 0.0], (6, 1))
-SCANS = np.full((6, 1), 250.0)
-
-
 @pytest.fixture
 def steady(robot) -> localizers.RobotModel:
     """A robot that turns so little by itself that every particle drives where it is told."""
@@ -286,9 +277,8 @@ def assert_sound(belief) -> None:
 @pytest.mark.parametrize("ess_threshold", [None, 0.5])
 def test_if_all_collide_the_weights_are_those_of_the_scan(steady, start, name, ess_threshold):
     params = {"particles": 50, "ess_threshold": ess_threshold}
-    collapsed, uncharged = (
-        updated(name, steady, start, [40.0], [-80.0, 0.0], beta=beta, **params) for beta in (INF, 0)
-    )
+    seen = {"scan": [40.0], "action": [-80.0, 0.0], **params}
+    collapsed, uncharged = (updated(name, steady, start, beta=b, **seen) for b in (INF, 0))
     assert uncharged.events.weight_collapses == 0
     assert collapsed.events.weight_collapses == 1
     assert np.array_equal(collapsed.points()[1], uncharged.points()[1])
@@ -311,9 +301,7 @@ def test_a_scan_model_that_can_be_zero_collapses_and_is_counted(room, start):
 @pytest.mark.parametrize("pilots", [1, 16])
 @pytest.mark.parametrize("beta", [200.0, INF])
 @pytest.mark.parametrize("planned", [INTO_THE_WALL, np.tile([-25.0, 0.0], (6, 1))])
-def test_a_plan_that_is_given_up_leaves_sound_weights(
-    steady, start, planned, beta, pilots, ess_threshold
-):
+def test_a_plan_given_up_leaves_sound_weights(steady, start, planned, beta, pilots, ess_threshold):
     # The queued future collides for all particles or many; then another plan is driven.
     params = {"particles": 50, "lag": 3, "beta": beta, "ess_threshold": ess_threshold}
     localizer = localizers.make("deq-mcl", steady, pilots=pilots, **params)

@@ -13,9 +13,10 @@ from rosbags.rosbag2 import StoragePlugin
 from deqmcl_gym import logs
 from deqmcl_gym.validation import InputError
 
+LASERLESS = "no topic of type sensor_msgs/msg/LaserScan; its topics"
+
 
 def drive(*more, times=(0.5, 1.0, 1.5), **of_scans):
-    """Odometry at 0, 1, 2 s, one metre apart; scans in between."""
     moved = [("/odom", ODOMETRY, odometry(float(t), float(t), 0.1 * t)) for t in range(3)]
     return [*more, *moved, *(("/scan", SCAN, scan(time, **of_scans)) for time in times)]
 
@@ -109,9 +110,6 @@ def test_topics_are_chosen_by_type_if_there_is_one_and_by_name_if_there_are_seve
     log, warned = read_and_warned(path, scan_topic="/scan", reference_topic="/odom")
     assert f"the poses of /odom in {path} are in frame odom" in warned
     np.testing.assert_allclose(log.reference, log.odometry, atol=1e-12)
-
-
-LASERLESS = "no topic of type sensor_msgs/msg/LaserScan; its topics"
 
 
 @pytest.mark.parametrize(

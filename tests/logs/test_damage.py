@@ -220,10 +220,8 @@ def test_no_more_is_unpacked_than_is_allowed_and_only_what_is_needed(tmp_path, m
 def promised():
     """An archive whose array would have 10¹³ numbers."""
     header = {"descr": "<f8", "fortran_order": False, "shape": (10**13,)}
-    with (
-        zipfile.ZipFile(buffer := io.BytesIO(), "w") as archive,
-        archive.open("times.npy", "w") as file,
-    ):
+    archive = zipfile.ZipFile(buffer := io.BytesIO(), "w")
+    with archive, archive.open("times.npy", "w") as file:
         np.lib.format.write_array_header_1_0(file, header)
     return buffer.getvalue()
 

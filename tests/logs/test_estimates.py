@@ -1,13 +1,12 @@
 """What another stack has estimated: the same poses and covariances from every format."""
 
-import csv
 import math
 import warnings
 
 import numpy as np
 import pytest
 from bags import ODOMETRY, bag, header, make, odometry, quaternion
-from deqmcl_command import exit_code
+from deqmcl_command import exit_code, lines
 from refusals import refused
 
 from deqmcl_gym import logs
@@ -48,8 +47,8 @@ def test_a_bag_a_csv_and_a_tum_file_say_the_same(tmp_path):
     upper = given[:, *np.triu_indices(3)]
     table = np.column_stack([TIMES, POSES, upper])
     header_ = ",".join(("time", "x", "y", "heading", *UPPER))
-    lines = [",".join(map(repr, row)) for row in table.tolist()]
-    (tmp_path / "x.csv").write_text("\n".join([header_, *lines]) + "\n")
+    rows = [",".join(map(repr, row)) for row in table.tolist()]
+    (tmp_path / "x.csv").write_text("\n".join([header_, *rows]) + "\n")
     logs.Trajectory(TIMES, POSES).write(tmp_path / "x.tum")
     paths = amcl_pose(tmp_path / "x", given), tmp_path / "x.csv", tmp_path / "x.tum"
     for estimate in map(read_estimate, paths):
@@ -95,8 +94,8 @@ def test_poses_that_are_not_finite_are_left_out_and_counted(tmp_path):
     (tmp_path / "x.csv").write_text("time,x,y,heading\n1,0,0,0\n2,nan,0,0\n3,,0,0\n4,1,0,0\n")
     with pytest.warns(LogWarning, match="skipped 2 of 4 records"):
         assert read_estimate(tmp_path / "x.csv").times.tolist() == [1.0, 4.0]
-    lines = "1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 0\n3 0 0\n\n# x\n4 nan 0 0 0 0 0 1\n5 0 0 0 0 0 1 0\n"
-    (tmp_path / "x.tum").write_text(lines)
+    text = "1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 0\n3 0 0\n\n# x\n4 nan 0 0 0 0 0 1\n5 0 0 0 0 0 1 0\n"
+    (tmp_path / "x.tum").write_text(text)
     for read in (read_estimate, logs.read_tum):
         with pytest.warns(LogWarning, match="skipped 3 of 5"):
             assert read(tmp_path / "x.tum").times.tolist() == [1.0, 5.0]
@@ -136,8 +135,7 @@ def test_the_command_scores_a_bag_s_amcl_pose_with_its_covariance(here):
     bag(here / "nav", *(("/amcl_pose", COVARIANT, posed(*row, spread)) for row in rows))
     words = ("score", "nav:/amcl_pose", "--reference", "true.tum", "--out", "scored")
     assert exit_code(*words) == 0
-    with open("scored/results.csv", newline="") as file:
-        (row,) = csv.DictReader(file)
+    (row,) = lines(here / "scored", "results.csv")
     assert row["localizer"] == "amcl_pose"
     assert float(row["nees"]) == pytest.approx(1, rel=1e-3)
     assert [float(row[f"coverage_{p}"]) for p in (50, 80, 95)] == [1, 1, 1]

@@ -28,6 +28,9 @@ from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.validation import InputError
 
 LOG_ID = "deqmcl_gym:deqmcl_gym/Log-v0"
+PATCHY = real(n=400, seed=1)  # a reference at 7 of 10 records
+WORDS = ("obstacle", "transparent", "free")
+ENV = 'log = "lap.csv"\nmap = "hall.yaml"\nreference = "lap.tum"\nsegment = 1.0\n'
 
 
 def played(env, seed=None):
@@ -45,9 +48,8 @@ def of_walls(changes):
 def test_the_map_of_a_log_is_out_of_date_if_asked_and_nothing_else_is(tmp_path):
     hall, log = recorded_in_a_hall(steps=40)
     plain = LogEnv(log=log, map=hall)
-    first, again, other = (
-        LogEnv(log=log, map=hall, changed_walls={"share": 0.5, "seed": seed}) for seed in (0, 0, 1)
-    )
+    changes = [{"share": 0.5, "seed": seed} for seed in (0, 0, 1)]
+    first, again, other = (LogEnv(log=log, map=hall, changed_walls=one) for one in changes)
     changed = first.floor_plan.occupancy != hall.occupancy
     assert changed.any()
     np.testing.assert_array_equal(first.floor_plan.occupancy, again.floor_plan.occupancy)
@@ -55,10 +57,8 @@ def test_the_map_of_a_log_is_out_of_date_if_asked_and_nothing_else_is(tmp_path):
     assert first.floor_plan.free(log.reference, 0.16).all()
     for one, same_one in zip(played(first), played(plain), strict=True):
         np.testing.assert_equal(one, same_one)
-    for bad, words in (
-        ({"share": 0.9}, "changed_walls.share is 0.9"),
-        (0.3, "changed_walls is 0.3"),
-    ):
+    wrong = {"changed_walls.share is 0.9": {"share": 0.9}, "changed_walls is 0.3": 0.3}
+    for words, bad in wrong.items():
         with refused(words):
             LogEnv(log=log, map=hall, changed_walls=bad)
     logs.write(log, tmp_path / "x.npz")
@@ -192,13 +192,9 @@ def test_a_picture_has_even_sides_and_changes_as_the_robot_drives(map_):
 
 def test_a_bad_reset_is_refused():
     env = LogEnv(log=real())
-    for bad, said in (
-        ({"options": 5}, "options is 5"),
-        ({"seed": -1}, "seed is -1"),
-        ({"seed": "a"}, "seed is 'a'"),
-    ):
-        with pytest.raises(InputError, match=said):
-            env.reset(**bad)
+    for name, value in (("options", 5), ("seed", -1), ("seed", "a")):
+        with pytest.raises(InputError, match=f"{name} is {value!r}"):
+            env.reset(**{name: value})
 
 
 def test_the_recorder_takes_any_of_our_envs_and_keeps_what_wrappers_did():
@@ -234,9 +230,6 @@ def test_the_recorder_refuses_an_env_without_scans(env):
         RecordLog(RoomEnv(), truth="no")
 
 
-PATCHY = real(n=400, seed=1)  # a reference at 7 of 10 records
-
-
 @given(st.floats(0.1, 0.4), st.integers(0, 2**31))
 def test_a_segment_goes_so_far_and_is_referenced_throughout(length, seed):
     log = PATCHY
@@ -265,10 +258,6 @@ def test_segments_are_drawn_by_the_seed_alone():
     assert len(set(times(3, 20))) > 5
 
 
-WORDS = ("obstacle", "transparent", "free")
-ENV = 'log = "lap.csv"\nmap = "hall.yaml"\nreference = "lap.tum"\nsegment = 1.0\n'
-
-
 @pytest.fixture
 def folder(here):
     write_lap(recorded_in_a_hall(steps=30), here)
@@ -293,9 +282,8 @@ def test_the_env_a_scenario_and_a_sweep_have_the_map_that_is_asked_for(folder, w
 @pytest.mark.parametrize("given", [None, "hall.json", ((0, 0), (9, 0), (9, 9)), "a map"])
 def test_a_map_that_is_no_yaml_has_no_unknown_cells_and_an_unknown_word_is_refused(folder, given):
     floor_plan = GridMap.load("hall.yaml") if given == "a map" else given
-    with pytest.raises(
-        InputError, match=r"^the map is .* must be a \.yaml file where unknown is given"
-    ):
+    words = r"^the map is .* must be a \.yaml file where unknown is given"
+    with pytest.raises(InputError, match=words):
         LogEnv(log="lap.csv", map=floor_plan, unknown="free")
     with refused("unknown value of unknown 'wall': allowed values: free, obstacle, transparent"):
         LogEnv(log="lap.csv", map="hall.yaml", unknown="wall")

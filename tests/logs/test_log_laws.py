@@ -14,6 +14,8 @@ from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of, relative, sideways_of
 from deqmcl_gym.validation import InputError
 
+sizes = st.one_of(st.just(0.0), st.floats(2**-13, 10.0, width=32))
+
 
 @given(
     steps=st.lists(
@@ -38,9 +40,6 @@ def test_what_is_sideways_is_nothing_on_an_arc_and_all_of_a_strafe(length, turn,
     strafed = composed(arc, np.array([0, aside, 0]))
     increments = increments_of(np.vstack([np.zeros(3), arc, strafed]))
     np.testing.assert_allclose(sideways_of(increments), [0.0, aside], atol=1e-12)
-
-
-sizes = st.one_of(st.just(0.0), st.floats(2**-13, 10.0, width=32))
 
 
 @given(st.lists(st.tuples(sizes, st.floats(0.0, 3.0, width=32)), min_size=1, max_size=30))

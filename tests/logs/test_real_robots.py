@@ -4,21 +4,10 @@ import gzip
 import itertools
 import shutil
 
+import bags
 import numpy as np
 import pytest
-from bags import (
-    ODOMETRY,
-    SCAN,
-    TF,
-    bag,
-    by_tf,
-    driven,
-    make,
-    moving,
-    quaternion,
-    scanning,
-    transform,
-)
+from bags import ODOMETRY, SCAN, TF, bag, by_tf, driven, moving, quaternion, scanning, transform
 from drives import NAN, read_and_warned
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -31,6 +20,8 @@ from deqmcl_gym.logs.trajectory import read_estimate, tolerance_of
 
 TIMES, POSES = driven()
 MOUNT = (0.2, -0.1, 0.4)
+LOG = logs.Log(logs.Scanner(angles=(0.0,), max_range=5.0), TIMES, POSES, np.ones((41, 1)))
+RECORDS = TIMES[1:40:4]
 
 
 def interleaved(times, poses):
@@ -46,18 +37,12 @@ def place(log):
     return (*log.scanner.mounting, log.scanner.turn)
 
 
-LOG = logs.Log(logs.Scanner(angles=(0.0,), max_range=5.0), TIMES, POSES, np.ones((41, 1)))
-
-
 def referenced_by(stamps, at=slice(1, 40, 4), tolerance=None):
     """A log of scans 0.4 s apart, and with a reference at such stamps, s."""
     log = LOG.of_records(np.arange(41)[at])
     columns = [np.interp(stamps, TIMES, column) for column in POSES.T]
     reference = logs.Trajectory(stamps, np.column_stack(columns))
     return log, logs.referenced(log, reference, tolerance=tolerance)
-
-
-RECORDS = TIMES[1:40:4]
 
 
 @pytest.mark.parametrize(
@@ -187,18 +172,13 @@ def test_which_of_two_publishers_is_taken_is_told_and_can_be_chosen(tmp_path):
     times, poses = driven(201, 0.05, 0.0)
     other = poses.copy()
     other[:, 0] += 0.01 * np.arange(201)
-    both = [
-        message
-        for t, one, two in zip(times, poses, other, strict=True)
-        for message in (*moving([t], [one]), *moving([t + 0.02], [two]))
-    ]
+    pairs = zip(moving(times, poses), moving(times + 0.02, other), strict=True)
+    both = [message for pair in pairs for message in pair]
     path = bag(tmp_path / "x", *both, *scanning(times[1:-1]))
     log, warned = read_and_warned(path)
     assert "2 publishers send odometry on /odom (1: 10 Hz, " in warned
-    assert (
-        "choose another by odometry_publisher, as --set world.reading.odometry_publisher=2"
-        in warned
-    )
+    remedy = "choose another by odometry_publisher, as --set world.reading.odometry_publisher=2"
+    assert remedy in warned
     assert log.driven[-1] == pytest.approx(9.9, abs=0.05)
     second, _ = read_and_warned(path, odometry_publisher=2)
     assert second.driven[-1] > 11
@@ -215,7 +195,7 @@ def test_which_of_two_publishers_is_taken_is_told_and_can_be_chosen(tmp_path):
     ],
 )
 def test_odometry_of_no_use_is_named_and_transforms_are_taken_if_there_are_any(heard, how, words):
-    none = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 0.0)
+    none = bags.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 0.0)
     for _, _, message in (odometry_ := moving(TIMES, POSES)):
         if how == "stamps":
             message.header.stamp.sec = message.header.stamp.nanosec = 0
@@ -272,10 +252,8 @@ def test_each_of_two_robots_in_a_bag_has_its_own_frames_and_odometry(heard, scan
 
 def test_a_body_that_rocks_has_the_mean_mounting_and_its_spread_is_told(heard):
     rng = np.random.default_rng(4)
-    rocking = [
-        ("/tf", TF, transform("base_footprint", "body", 0.0, 0.0, roll=rng.normal(0, 0.01), time=t))
-        for t in TIMES
-    ]
+    rolls = [{"roll": rng.normal(0, 0.01), "time": t} for t in TIMES]
+    rocking = [("/tf", TF, transform("base_footprint", "body", 0.0, 0.0, **one)) for one in rolls]
     sent = [placed(base="body"), *rocking, *moving(TIMES, POSES), *scanning(TIMES[1:-1])]
     log, warned = heard(*sent)
     # the mean of 41 rolls is below 0.006 rad, 4 of its standard deviations, 0.3 m above the floor
@@ -325,9 +303,7 @@ def test_a_pose_out_of_order_or_without_a_stamp_and_a_covariance_that_is_none_ar
 
 
 @pytest.mark.parametrize("doubled", [0, 10])
-def test_the_parts_of_a_bag_are_one_log_whatever_their_order_and_where_they_overlap(
-    tmp_path, doubled
-):
+def test_parts_of_a_bag_are_one_log_whatever_their_order_and_where_they_overlap(tmp_path, doubled):
     fixed, drive = placed(0.1, 0.0, 0.0), interleaved(TIMES, POSES)
     one, _ = read_and_warned(bag(tmp_path / "whole", fixed, *drive))
     paths = [bag(tmp_path / "second", *drive[30:], first=31)]

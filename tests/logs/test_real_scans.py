@@ -17,6 +17,7 @@ READINGS = {  # what stands for no return, and what a log has for it
     0.0: NAN, -1.0: NAN, NAN: NAN, -math.inf: NAN, 0.1: NAN,
     3.0: math.inf, 3.5: math.inf, 65.535: math.inf, math.inf: math.inf,
 }  # fmt: skip
+WIDE, DEEP = 6.0, 4.0  # m, of a room with a corner in (0, 0)
 
 
 def one_reading(path, reading):
@@ -89,17 +90,13 @@ def test_a_log_most_of_whose_beams_are_dropped_says_why(heard):
     assert "67% at or below min_range, 5 m" in warned
 
 
-WIDE, DEEP = 6.0, 4.0  # m, of a room with a corner in (0, 0)
-
-
 def seen(pose, angles):
     """Exact ranges of a lidar at (x, y, θ) in the room, (n,)."""
     x, y, heading = pose
     dx, dy = np.cos(heading + angles), np.sin(heading + angles)
     with np.errstate(divide="ignore"):
-        return np.minimum(
-            np.where(dx > 0, (WIDE - x) / dx, -x / dx), np.where(dy > 0, (DEEP - y) / dy, -y / dy)
-        )
+        by_x, by_y = np.where(dx > 0, WIDE - x, -x) / dx, np.where(dy > 0, DEEP - y, -y) / dy
+        return np.minimum(by_x, by_y)
 
 
 @pytest.mark.parametrize(
@@ -143,10 +140,8 @@ def test_scans_that_vary_are_all_used_at_the_angles_that_they_have(heard, varies
 
 def test_a_scan_of_no_beam_or_of_fewer_costs_no_record(heard):
     sizes = [0, 0, 3, *[5] * 36]
-    scans = [
-        ("/scan", SCAN, scan(t, ranges=np.full(n, 2.0), first=-1.0, step=0.5))
-        for t, n in zip(TIMES[1:-1], sizes, strict=True)
-    ]
+    timed, fan = zip(TIMES[1:-1], sizes, strict=True), {"first": -1.0, "step": 0.5}
+    scans = [("/scan", SCAN, scan(t, ranges=np.full(n, 2.0), **fan)) for t, n in timed]
     log, _ = heard(*moving(TIMES, POSES), *scans)
     assert (len(log), log.scanner.beams) == (39, 5)
     assert np.isfinite(log.ranges).sum(axis=1).tolist() == sizes

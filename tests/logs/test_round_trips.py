@@ -16,6 +16,8 @@ from deqmcl_gym.logs.carmen import read_carmen
 
 ROS = (".bag", ".mcap", "")
 IN_ROWS = (".csv", ".csv.gz", ".npz")  # formats with the reference in the records themselves
+finite = st.floats(-0.1, 0.1)  # no jump
+readings = st.one_of(st.floats(0.5, 78.5, width=32), st.sampled_from([0.0, 79.0, 81.83, math.inf]))
 
 
 def bent():
@@ -35,9 +37,8 @@ def test_a_log_comes_back_with_all_digits(tmp_path, ending, made):
     back = logs.read(tmp_path / f"x{ending}", **own_stamps)
     if ending in ROS:  # headings pass through quaternions, angles are float32
         same(back, log, within=1e-12, angles=1e-6)
-        assert (back.scanner.min_range, back.scanner.max_range) == pytest.approx(
-            (log.scanner.min_range, log.scanner.max_range), rel=1e-7
-        )
+        found, meant = ((one.min_range, one.max_range) for one in (back.scanner, log.scanner))
+        assert found == pytest.approx(meant, rel=1e-7)
     else:
         same(back, log)
         assert back.scanner == log.scanner
@@ -47,10 +48,6 @@ def test_a_log_comes_back_with_all_digits(tmp_path, ending, made):
         np.testing.assert_allclose(found[:, 1], 0, atol=1e-9)
     assert not back.skipped
     assert [path.name for path in tmp_path.iterdir()] == [f"x{ending}"]  # nothing beside it
-
-
-finite = st.floats(-0.1, 0.1)  # no jump
-readings = st.one_of(st.floats(0.5, 78.5, width=32), st.sampled_from([0.0, 79.0, 81.83, math.inf]))
 
 
 @settings(max_examples=200)
@@ -110,9 +107,8 @@ def test_flaser_has_the_angles_of_a_sick(tmp_path, beams, last):
 @pytest.mark.parametrize("turn", [0.0, math.pi])
 def test_a_mounting_between_two_millimetres_costs_no_record(tmp_path, ours, turn):
     rng = np.random.default_rng(0)
-    scanner = logs.Scanner(
-        angles=tuple(turn + np.linspace(-1, 1, 5)), max_range=8.0, mounting=(0.0625, 0.0)
-    )
+    angles = tuple(turn + np.linspace(-1, 1, 5))
+    scanner = logs.Scanner(angles=angles, max_range=8.0, mounting=(0.0625, 0.0))
     poses = rng.uniform(-1, 1, (200, 3))
     log = logs.Log(scanner, np.arange(200.0), poses, rng.uniform(1, 7, (200, 5)))
     written(log, tmp_path / "x.log")

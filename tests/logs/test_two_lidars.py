@@ -17,8 +17,6 @@ BEAMS, HALF = 41, 1.5  # beams of each, from -HALF to HALF rad
 STEP = 2 * HALF / (BEAMS - 1)
 AHEAD = Mount(x=0.3, y=0.1, heading=0.2)
 BEHIND = Mount(x=-0.4, y=-0.1, heading=3.0, upside_down=True)
-
-
 CELLS = np.zeros((60, 90), np.int8)  # 9 m x 6 m
 CELLS[[0, -1]] = CELLS[:, [0, -1]] = 100
 CELLS[25:32, 60:70] = CELLS[1:9, 20:28] = 100
@@ -46,10 +44,8 @@ def frame_of(name, mount):
 def sent(topic, mount, times, ranges=None, **more):
     seen = truth(times, mount) if ranges is None else ranges
     fan = {"first": -HALF, "step": STEP, "farthest": 20.0} | more
-    return [
-        (topic, SCAN, scan(float(time), topic[1:], row, **fan))
-        for time, row in zip(times, seen, strict=True)
-    ]
+    timed = zip(map(float, times), seen, strict=True)
+    return [(topic, SCAN, scan(time, topic[1:], row, **fan)) for time, row in timed]
 
 
 def two(path, front, rear, poses=pose_at):
@@ -92,9 +88,8 @@ def test_a_scan_of_another_time_is_moved_to_where_the_robot_was_at_the_records(t
     for row, beam in zip(rows.tolist(), beams.tolist(), strict=True):
         x, y, angle = log.scanner.rays(log.odometry[row])[BEAMS + beam]
         points = []
-        for far, (px, py, at) in zip(
-            sent_then[row], log.scanner.rays(pose_at(late[row])[0])[BEAMS:], strict=True
-        ):
+        rays = log.scanner.rays(pose_at(late[row])[0])[BEAMS:]
+        for far, (px, py, at) in zip(sent_then[row], rays, strict=True):
             points.append((px + far * math.cos(at) - x, py + far * math.sin(at) - y))
         off = [abs(math.remainder(math.atan2(v, u) - angle, 2 * math.pi)) for u, v in points]
         apart = [abs(math.hypot(u, v) - found[row, beam]) for u, v in points]
@@ -146,11 +141,9 @@ def test_each_lidar_has_the_range_floor_and_the_blind_sectors_of_its_own_driver(
     near = np.full((times.size, BEAMS), 0.3)
     rear = near.copy()
     rear[:, 3:6], rear[:, 6:8], rear[:, 8] = np.nan, 0.0, np.inf  # the robot's own body
-    path = two(
-        tmp_path / "x",
-        sent(FRONT, AHEAD, times, near, nearest=0.5),
-        sent(REAR, BEHIND, times, rear, nearest=0.2, farthest=7.0),
-    )
+    ahead = sent(FRONT, AHEAD, times, near, nearest=0.5)
+    behind = sent(REAR, BEHIND, times, rear, nearest=0.2, farthest=7.0)
+    path = two(tmp_path / "x", ahead, behind)
     log, _ = read_and_warned(path, scan_topic=BOTH)
     assert not np.isfinite(log.ranges[:, :BEAMS]).any()
     blind = ~np.isfinite(log.ranges[:, BEAMS:]).any(axis=0)
@@ -161,10 +154,8 @@ def test_each_lidar_has_the_range_floor_and_the_blind_sectors_of_its_own_driver(
 
 @pytest.mark.parametrize("ending", [".csv", ".npz"])
 def test_a_log_of_two_lidars_is_written_and_read_again(tmp_path, ending):
-    scans = [
-        sent(topic, one, np.arange(1, 9) / 4)
-        for topic, one in zip(BOTH, (AHEAD, BEHIND), strict=True)
-    ]
+    times = np.arange(1, 9) / 4
+    scans = sent(FRONT, AHEAD, times), sent(REAR, BEHIND, times)
     log, _ = read_and_warned(two(tmp_path / "x", *scans), scan_topic=BOTH)
     path = tmp_path / f"again{ending}"
     logs.write(log, path)

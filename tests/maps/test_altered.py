@@ -58,9 +58,8 @@ def test_a_cell_is_painted_if_its_centre_is_inside(grid, seed):
     size = grid.resolution * max(rows, columns)
     angles = np.sort(rng.uniform(0, 2 * np.pi, 5))
     centre = grid.placed(rng.random((1, 2)) * (columns, rows))
-    polygon = centre + rng.uniform(0.05, 0.6) * size * np.column_stack(
-        [np.cos(angles), np.sin(angles)]
-    )
+    corners = rng.uniform(0.05, 0.6) * size * np.column_stack([np.cos(angles), np.sin(angles)])
+    polygon = centre + corners
     try:
         painted = grid.painted(([polygon], 100))
     except InputError:  # no cell is left free

@@ -3,6 +3,7 @@
 import re
 import tracemalloc
 from fractions import Fraction
+from itertools import combinations
 
 import numpy as np
 import reference
@@ -15,6 +16,7 @@ from deqmcl_gym.maps.polygons import OVERLAP
 from deqmcl_gym.validation import InputError
 
 quietly = settings(suppress_health_check=list(HealthCheck))
+corners = st.tuples(st.integers(0, 12), st.integers(0, 12))
 
 
 def made(plan: dict) -> PolygonMap | str:
@@ -35,11 +37,10 @@ def crosses_itself(polygon: list) -> bool:
         (ax, ay), (bx, by), (x, y) = *edge, point
         return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
-    return any(
-        left(a, b[0]) * left(a, b[1]) < 0 and left(b, a[0]) * left(b, a[1]) < 0
-        for i, a in enumerate(edges)
-        for b in edges[:i]
-    )
+    def cross(a, b) -> bool:
+        return left(a, b[0]) * left(a, b[1]) < 0 and left(b, a[0]) * left(b, a[1]) < 0
+
+    return any(cross(*pair) for pair in combinations(edges, 2))
 
 
 @quietly
@@ -75,9 +76,6 @@ def test_a_floor_plan_is_made_with_exact_geometry_or_refused_for_what_is_wrong(p
     assert (seen < high + 1e-4 * size + 16 * step).all()
 
 
-corners = st.tuples(st.integers(0, 12), st.integers(0, 12))
-
-
 @quietly
 @given(st.lists(corners, min_size=3, max_size=7))
 def test_of_any_corners_at_all_those_of_a_simple_polygon_are_taken(polygon):
@@ -85,11 +83,8 @@ def test_of_any_corners_at_all_those_of_a_simple_polygon_are_taken(polygon):
     refused = isinstance(made({"outer": polygon}), str)
     edges = np.hstack([polygon, np.roll(polygon, -1, axis=0)]).astype(float)
     count = len(edges)
-    apart = [
-        reference.clearance(edges[[i]], edges[[j], :2], edges[[j], 2:])[0]
-        for i in range(count)
-        for j in range(i + 2, count - (i == 0))
-    ]
+    others = ((i, j) for i in range(count) for j in range(i + 2, count - (i == 0)))
+    apart = [reference.clearance(edges[[i]], edges[[j], :2], edges[[j], 2:])[0] for i, j in others]
     along = edges[:, 2:] - edges[:, :2]
     turned = np.roll(along, -1, axis=0)
     straight = along[:, 0] * turned[:, 1] == along[:, 1] * turned[:, 0]
@@ -101,9 +96,8 @@ def test_of_any_corners_at_all_those_of_a_simple_polygon_are_taken(polygon):
 @given(st.integers(1, 400), st.sampled_from([(0, 0), (600, -300)]), st.floats(0, 3))
 def test_the_narrowest_corridor_is_free_space(parts, at, turn):
     """An obstacle that leaves a gap of 1 px or less around it."""
-    ring = np.array([(-500, -500), (500, -500), (500, 500), (-500, 500)]) @ np.array(
-        [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-    )
+    turned = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    ring = np.array([(-500, -500), (500, -500), (500, 500), (-500, 500)]) @ turned
     gap = 1 - 1 / (500 * parts)
     plan = PolygonMap((ring + at).tolist(), [(gap * ring + at).tolist()])
     assert plan.free([(ring[0] + ring[1]) / 2 * (1 + gap) / 2 + at]).all()

@@ -26,6 +26,7 @@ free_thresh: {free}
 """
 # 3 wide, 2 high; the first row is the upper one
 PGM = b"P5\n# drawn by hand\n3 2\n255\n" + bytes([0, 254, 205, 254, 128, 255])
+NEEDED = ["image", "resolution", "origin", "negate", "free_thresh"]
 
 
 def written(folder, image=PGM, name="map.pgm", more="", **said):
@@ -40,20 +41,16 @@ def written(folder, image=PGM, name="map.pgm", more="", **said):
     return path
 
 
-def test_a_hand_written_pgm_is_read_as_map_server_reads_it(tmp_path):
+def test_a_hand_written_pgm_is_read_as_map_server_reads_it_negated_too(tmp_path):
     grid = GridMap.load(written(tmp_path, origin=[1.5, -2, 0.25], resolution="5e-2"))
     assert grid.occupancy.tolist() == [[0, -1, 0], [100, 0, -1]]  # the lowest row first
     assert (grid.resolution, grid.origin) == (0.05, (1.5, -2.0, 0.25))
     assert (grid.occupied_thresh, grid.free_thresh) == (0.65, 0.196)
     far = math.hypot(0.15, 0.1), math.atan2(0.1, 0.15) + 0.25
-    np.testing.assert_allclose(
-        grid.placed([(3, 2)]), [[1.5 + far[0] * math.cos(far[1]), -2 + far[0] * math.sin(far[1])]]
-    )
-
-
-def test_negate_turns_light_and_dark(tmp_path):
-    grid = GridMap.load(written(tmp_path, negate=1))
-    assert grid.occupancy.tolist() == [[100, -1, 100], [0, 100, 100]]
+    corner = [1.5 + far[0] * math.cos(far[1]), -2 + far[0] * math.sin(far[1])]
+    np.testing.assert_allclose(grid.placed([(3, 2)]), [corner])
+    turned = GridMap.load(written(tmp_path, negate=1))
+    assert turned.occupancy.tolist() == [[100, -1, 100], [0, 100, 100]]
 
 
 def test_scale_keeps_what_lies_between_and_raw_takes_the_values(tmp_path):
@@ -174,7 +171,7 @@ def test_a_pipe_is_not_waited_for(tmp_path, name):
         WORLDS["paper"].changed(floor_plan=tmp_path / name)
 
 
-@pytest.mark.parametrize("missing", ["image", "resolution", "origin", "negate", "free_thresh"])
+@pytest.mark.parametrize("missing", NEEDED)
 def test_a_yaml_without_what_map_server_needs_is_refused(tmp_path, missing):
     path = written(tmp_path)
     lines = [line for line in path.read_text().splitlines() if not line.startswith(missing)]
@@ -192,10 +189,7 @@ def test_an_image_of_any_bytes_is_read_or_refused(tmp_path_factory, junk, cut):
 
 
 @settings(max_examples=100)
-@given(
-    st.text(max_size=40),
-    st.sampled_from(["origin", "negate", "resolution", "image", "free_thresh"]),
-)
+@given(st.text(max_size=40), st.sampled_from(NEEDED))
 def test_a_yaml_of_any_values_is_read_or_refused(tmp_path_factory, junk, key):
     path = written(tmp_path_factory.mktemp("map"))
     before = path.read_text().splitlines()

@@ -2,18 +2,10 @@
 
 import math
 
+import grid_cases
 import numpy as np
 import pytest
-from grid_cases import (
-    box_distance,
-    boxes,
-    edge_distance,
-    grids,
-    in_cells,
-    is_solid,
-    office,
-    somewhere,
-)
+from grid_cases import box_distance, boxes, edge_distance, grids, in_cells, is_solid, somewhere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -59,9 +51,8 @@ def test_a_ray_ends_where_it_first_enters_a_cell_of_the_other_kind(grid, seed):
     assert found.dtype == np.float32
     for row, pose in zip(found, poses, strict=True):
         for ray, bearing in zip(row, bearings, strict=True):
-            beside = [
-                seen(grid, pose + np.array([0, 0, bearing + turn])) for turn in (-1e-5, 0.0, 1e-5)
-            ]
+            turned = (np.array([0, 0, bearing + turn]) for turn in (-1e-5, 0.0, 1e-5))
+            beside = [seen(grid, pose + turn) for turn in turned]
             assert min(beside) - SINGLE <= ray <= max(beside) + SINGLE
 
 
@@ -90,7 +81,7 @@ def test_no_ray_slips_between_two_cells_that_touch_by_a_corner():
 
 
 def test_poses_that_are_not_on_the_map_see_nothing():
-    grid = office()
+    grid = grid_cases.office()
     poses = [(math.nan, 3, 0), (0, 3, math.nan), (-50, 3, 0), (1e30, -1e30, 0), (math.inf, 0, 0)]
     assert np.isnan(grid.ranges(poses, [0.0, 1.0])).all()
     nowhere = [pose for pose in poses if not math.isnan(pose[2])]
@@ -111,9 +102,8 @@ def test_a_swept_disc_collides_if_a_solid_cell_or_edge_is_within_its_radius(grid
     for start, end, hit in zip(in_cells(grid, starts), in_cells(grid, ends), collides, strict=True):
         path = start + shares * (end - start)
         on_map = (path >= 0).all() and (path < grid.occupancy.shape[::-1]).all()
-        clear = min(
-            box_distance(path, boxes(grid)).min(initial=np.inf), edge_distance(grid, path).min()
-        )
+        cells = box_distance(path, boxes(grid))
+        clear = min(cells.min(initial=np.inf), edge_distance(grid, path).min())
         overrated = (math.dist(start, end) / 399) ** 2 / 8 / max(radius, 0.1) + EXACT
         if not on_map or clear <= radius - EXACT:
             assert hit

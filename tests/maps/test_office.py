@@ -31,7 +31,7 @@ def offices(draw, **fixed):
 @settings(max_examples=15)
 @given(offices())
 def test_a_robot_comes_through_the_doors_to_all_that_is_free(office):
-    """Its disc goes from cell to cell; what it covers, corners filled up, is all that is free."""
+    # its disc goes from cell to cell; what it covers, corners filled up, is all that is free
     grid = office.grid
     rows, columns = grid.solid.shape
     places = grid.placed([(c + 0.5, r + 0.5) for r in range(rows) for c in range(columns)])

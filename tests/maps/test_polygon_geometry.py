@@ -23,6 +23,10 @@ HALL = PolygonMap(
         [(170, 30), (210, 50), (190, 90), (150, 70)],
     ],
 )
+BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
+OFFICE = office()
+# of a pose, as float32 cannot do better near a corner, and of the way along the beam
+HALF_PX, HALF_RAD = 5e-4, 5e-6
 
 
 def _forest() -> PolygonMap:
@@ -58,9 +62,6 @@ def awkward_poses(plan: PolygonMap, n: int, rng: np.random.Generator) -> np.ndar
     headings = np.where(kind <= 1, np.arctan2(target[:, 1], target[:, 0]), headings)
     headings = np.where(kind == 2, rng.integers(-2, 3, n) * np.pi / 2, headings)
     return np.column_stack([points, headings])
-
-
-BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
 
 
 @pytest.mark.parametrize("name", PLANS)
@@ -168,9 +169,6 @@ def test_neither_further_columns_nor_the_number_of_steps_change_an_answer():
         assert plan.collides(poses[:n], after[:n], 8.0).tolist() == together[:n].tolist()
 
 
-OFFICE = office()
-
-
 def poses_around(grid, n, rng) -> np.ndarray:
     """Poses on the map and around it, one of them lost, rows (3, n) float32."""
     points = somewhere(grid, n, rng, margin=2.0)
@@ -188,17 +186,13 @@ def poses_around(grid, n, rng) -> np.ndarray:
     radius=st.sampled_from([0.0, 0.2, 1.0, 3.4]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_both_count_the_steps_that_collide_on_the_grid(grid, n, steps, cells, radius, seed):
+def test_both_count_the_steps_that_collide_on_a_grid(grid, n, steps, cells, radius, seed):
     rng, size = np.random.default_rng(seed), radius * grid.resolution
     poses = poses_around(grid, n, rng)
     moves = rng.normal(0, 1, (steps, 2)) * cells * grid.resolution
     path = np.vstack([np.zeros((1, 2)), np.cumsum(moves, axis=0)]).astype(np.float32)
     hits = Map.collisions_along(grid, poses, path, size)
     assert np.array_equal(grid.collisions_along(poses, path, size), hits)
-
-
-# of a pose, as float32 cannot do better near a corner, and of the way along the beam
-HALF_PX, HALF_RAD = 5e-4, 5e-6
 
 
 @pytest.mark.parametrize("name", PLANS)
@@ -241,13 +235,10 @@ def test_a_rectangular_room_is_blind_from_where_its_wall_does_not_wind_around_on
         assert set(blind) == {True, False}
 
 
-def squares(side: int, xs: range, ys: range) -> list:
-    return [[(x, y), (x + side, y), (x + side, y + side), (x, y + side)] for x in xs for y in ys]
-
-
 def test_a_wall_along_the_border_of_cells_is_not_missed():
     """A grid of squares whose edges fall on multiples of the cell's side."""
-    boxes = squares(10, range(20, 380, 20), range(20, 380, 20))
+    corners = product(range(20, 380, 20), repeat=2)
+    boxes = [[(x, y), (x + 10, y), (x + 10, y + 10), (x, y + 10)] for x, y in corners]
     plan = PolygonMap([(0, 0), (400, 0), (400, 400), (0, 400)], boxes)
     between = np.arange(15.0, 390.0, 20.0)  # lanes without obstacles
     east = np.column_stack([np.full(between.size, 5.0), between, np.zeros(between.size)])

@@ -6,20 +6,10 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from deqmcl_gym.validation import (
-    InputError,
-    array,
-    digits,
-    in_words,
-    integer,
-    number,
-    one_of,
-    pose,
-)
+from deqmcl_gym import validation
+from deqmcl_gym.validation import InputError, array, in_words, integer, number, one_of, pose
 
 NAN, INF = float("nan"), float("inf")
-
-
 WHOLE, PAIRS = "whole number from 0 to 10", "n x 2 finite numbers"
 
 
@@ -72,4 +62,4 @@ def test_a_sentence_is_short_and_on_one_line_without_control_characters(say):
 
 def test_numbers_are_told_with_as_few_digits_as_tell_them_apart():
     said = ["10", "0.1", "10.0000001", "1e+308"]
-    assert [digits(x) for x in (10.0, 0.1, 10.0000001, 1e308)] == said
+    assert [validation.digits(x) for x in (10.0, 0.1, 10.0000001, 1e308)] == said

@@ -12,6 +12,8 @@ EPS = np.finfo(float).eps
 # Each function is a short polynomial, scaled: a handful of roundings, stated as 4 units in the
 # last place of the result, or of 1 where the result is a sum of terms near 1.
 TOLERANCE = 4 * EPS
+# four half units in the last place of a float32 below 1, 3e-8 each
+SINGLE = 1.2e-7
 
 
 def each(function, *arguments):
@@ -29,7 +31,7 @@ def test_sin_and_cos_are_accurate_far_from_zero_and_beside_every_quarter_turn():
 @pytest.mark.parametrize("function", [arrays.sin, arrays.cos])
 def test_beyond_a_billion_radians_there_is_no_sine_rather_than_a_wrong_one(function):
     beyond = np.nextafter(1e9, np.inf) * 10.0 ** np.arange(0, 300, 7)
-    assert np.isnan(function([*beyond, *-beyond, np.inf, -np.inf])).all()
+    assert np.isnan(function([*beyond, *-beyond, np.inf, -np.inf, np.nan])).all()
 
 
 def test_arctan2_is_accurate_in_all_quadrants_on_the_axes_and_at_all_scales():
@@ -43,6 +45,7 @@ def test_exp_is_accurate_down_to_the_least_normal_number_and_zero_beyond():
     x = -np.concatenate([np.linspace(0, 708, 50_001), [708.5, 800.0, 1e6, np.inf]])
     expected = np.where(x > -708, np.exp(x), 0.0)
     np.testing.assert_allclose(arrays.exp(x), expected, rtol=TOLERANCE)
+    assert np.isnan(arrays.exp([np.nan])[0])
 
 
 def test_log_is_accurate_over_all_normal_numbers():
@@ -52,7 +55,7 @@ def test_log_is_accurate_over_all_normal_numbers():
     scale = np.maximum(np.abs(expected), 1.0)
     assert (np.abs(arrays.log(x) - expected) <= TOLERANCE * scale).all()
     assert arrays.log([0.0, np.inf]).tolist() == [-np.inf, np.inf]
-    assert np.isnan(arrays.log([-1.0])).all()
+    assert np.isnan(arrays.log([-1.0, np.nan])).all()
 
 
 def test_normal_cdf_is_accurate_and_monotone_at_both_ends():
@@ -60,11 +63,7 @@ def test_normal_cdf_is_accurate_and_monotone_at_both_ends():
     expected = each(lambda v: math.erfc(-v / math.sqrt(2)) / 2, z)
     np.testing.assert_allclose(arrays.normal_cdf(z), expected, rtol=0, atol=1e-15)
     assert arrays.normal_cdf([-np.inf, -40.0, 40.0, np.inf]).tolist() == [0.0, 0.0, 1.0, 1.0]
-
-
-@pytest.mark.parametrize("name", ["sin", "cos", "exp", "log", "normal_cdf"])
-def test_nan_stays_nan(name):
-    assert np.isnan(getattr(arrays, name)([np.nan])).all()
+    assert np.isnan(arrays.normal_cdf([np.nan])[0])
 
 
 @pytest.mark.parametrize("n", [0, 1, 511, 512, 513, 1300])
@@ -90,10 +89,9 @@ def test_the_compiled_centred_value_has_the_bits_of_pythons_remainder(period):
 
 def test_a_wrapped_angle_is_the_same_direction_and_one_within_half_a_turn_keeps_its_bits():
     angles = np.random.default_rng(6).uniform(-1e3, 1e3, 20_000)
-    for found, given in (
-        (arrays.wrapped(angles), angles),
-        (each(elementary.wrapped32, angles.astype(np.float32)), angles.astype(np.float32)),
-    ):
+    singles = angles.astype(np.float32)
+    wrapped = arrays.wrapped(angles), each(elementary.wrapped32, singles)
+    for found, given in zip(wrapped, (angles, singles), strict=True):
         eps = np.finfo(given.dtype).eps
         # the angle and the turns taken off it are rounded, and so is π
         assert (np.abs(found) <= np.pi + 1e3 * eps).all()
@@ -110,10 +108,6 @@ def test_shapes_are_kept_and_arguments_left_alone():
     assert arrays.exp(given).shape == (2, 2)
     assert (given == before).all()
     assert arrays.sin(0.5).shape == ()
-
-
-# four half units in the last place of a float32 below 1, 3e-8 each
-SINGLE = 1.2e-7
 
 
 def sincos(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

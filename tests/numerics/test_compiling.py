@@ -4,7 +4,6 @@ import compileall
 import json
 import os
 import shutil
-import subprocess
 import sys
 from functools import cache
 from importlib import import_module, invalidate_caches
@@ -14,6 +13,7 @@ import kernel_cases
 import numba
 import numpy as np
 import pytest
+from deqmcl_command import python
 
 import deqmcl_gym
 from deqmcl_gym.numerics import compiling
@@ -127,11 +127,10 @@ print(*sorted(f"{k.__module__} {k.__qualname__}" for k in kernels), sep=",")
 
 
 def test_the_names_of_all_kernels_are_the_same_in_every_process(capsys):
-    command, own = [sys.executable, "-c", NAMES], os.environ | {"PYTHONHASHSEED": "1"}
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=own)
+    said = python("-c", NAMES, env=os.environ | {"PYTHONHASHSEED": "1"})
     exec(NAMES, {})
-    assert set(done.stdout.strip().split(",")) <= set(capsys.readouterr().out.strip().split(","))
-    assert done.stdout.count("deqmcl_gym.maps") > 20
+    assert set(said.strip().split(",")) <= set(capsys.readouterr().out.strip().split(","))
+    assert said.count("deqmcl_gym.maps") > 20
 
 
 def test_without_sources_kernels_work_too_and_none_is_kept(tmp_path):
@@ -147,13 +146,9 @@ def test_without_sources_kernels_work_too_and_none_is_kept(tmp_path):
         "from deqmcl_gym.numerics import arrays;"
         "print(deqmcl_gym.GridMap.load and localizers.make and arrays.sin([0.0])[0])"
     )
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code, str(tmp_path)],
-        env=os.environ | {"PYTHONPATH": ""}, cwd=tmp_path, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == [f"{tmp_path}/deqmcl_gym/__init__.pyc", "0.0"]
+    bare = os.environ | {"PYTHONPATH": ""}
+    said = python("-P", "-c", code, tmp_path, env=bare, cwd=tmp_path)
+    assert said.split() == [f"{tmp_path}/deqmcl_gym/__init__.pyc", "0.0"]
     assert not list(tmp_path.rglob("*.nbi"))
 
 
@@ -174,9 +169,6 @@ def test_who_waits_for_the_compiler_is_told_once_and_a_pipe_is_not(monkeypatch, 
 
 
 def test_every_kernel_file_says_the_same_compiled_and_in_pure_python():
-    said = subprocess.run(
-        [sys.executable, "-W", "ignore", kernel_cases.__file__],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        capture_output=True, text=True, check=True,
-    ).stdout  # fmt: skip
+    pure = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    said = python("-W", "ignore", kernel_cases.__file__, env=pure)
     assert json.loads(said) == kernel_cases.digests()

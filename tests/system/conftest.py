@@ -16,7 +16,6 @@ def small_run(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def one_worker(tmp_path_factory):
-    """The folder of the same experiment, run in this process."""
     out = tmp_path_factory.mktemp("one_worker")
     assert exit_code(*SMALL, "--jobs", "1", "--out", out) == 0
     return out

@@ -17,6 +17,11 @@ from benchmarks.setup.names import SCENARIOS, scenario
 from benchmarks.sweeps.sweepfile import SUITES
 
 HELP = [("--help",), *((name, "--help") for name in COMMANDS)]
+OURS = "benchmarks", "localizers", "deqmcl_gym"
+COMMON = "numpy", "random", "signal", "queue", "socket", "yaml"
+LOST = "deqmcl: the output cannot be written to stdout (No space left on device).\n"
+
+linux = pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
 
 
 def test_help_is_no_error_and_loads_nothing_heavy():
@@ -50,10 +55,6 @@ def test_python_m_benchmarks_refuses_as_the_main_function_does(tmp_path, capsys)
     expected = (exit_code(*wrong), *capsys.readouterr())
     done = process(sys.executable, "-m", "benchmarks", *wrong, cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == expected
-
-
-OURS = "benchmarks", "localizers", "deqmcl_gym"
-COMMON = "numpy", "random", "signal", "queue", "socket", "yaml"
 
 
 def test_a_command_and_its_workers_depend_on_no_name_in_the_working_folder(tmp_path):
@@ -91,19 +92,17 @@ def test_no_env_needs_benchmarks_and_what_hides_localizers_is_named(tmp_path):
         (KeyboardInterrupt(), 130, "deqmcl: interrupted; finished trials are kept.\n"),
     ],
 )
-def test_a_run_that_fails_says_why_and_with_debug_where(
-    capsys, monkeypatch, tmp_path, error, code, said
-):
+def test_a_failing_run_says_why_and_with_debug_where(capsys, monkeypatch, here, error, code, said):
     def fail(*_, **__):
         raise error
 
     failing = experiments.paper_command._replace(run=fail)
     monkeypatch.setattr(experiments, "paper_command", failing)
-    assert exit_code("paper", "--out", tmp_path) == code
+    assert exit_code("paper", "--out", here) == code
     assert capsys.readouterr() == ("", said)
     if code == 3 and not isinstance(error, OSError):
         with pytest.raises(type(error)) as caught:
-            exit_code("paper", "--debug", "--out", tmp_path)
+            exit_code("paper", "--debug", "--out", here)
         assert caught.value is error
 
 
@@ -136,11 +135,6 @@ def test_tab_completes_options_of_a_command(tmp_path):
     process(DEQMCL, env=os.environ | shell)
     offered = {word.strip() for word in told.read_text().split("|")}
     assert offered == {"--corridor", "--corridors"}
-
-
-LOST = "deqmcl: the output cannot be written to stdout (No space left on device).\n"
-
-linux = pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
 
 
 def shell(redirected, *arguments, **how):

@@ -45,6 +45,13 @@ BAD = [  # arguments, and what the sentence must name
     (["check", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
     (["report", "."], ["holds no manifest.json", "give the folder of a sweep or replay."]),
 ]
+FEW = ("--particles", "20", "--lag", "3")
+WRITERS = {
+    "sweep": ("sweep", "quick", "--jobs", "1"),
+    "paper": ("paper", "--trials", "1", "--localizers", "dead-reckoning", *FEW, "--jobs", "1"),
+    "run": ("run", "--localizer", "dead-reckoning", *FEW),
+    "report": ("report",),
+}
 
 
 @pytest.mark.parametrize(
@@ -119,15 +126,6 @@ def test_a_working_folder_that_is_gone_is_named(file, tmp_path, monkeypatch, ref
     for command in (("list",), ("sweep", file, "--out", out)):
         refusal(command, "the current folder is gone: change to one that exists.")
     assert not out.exists()
-
-
-FEW = ("--particles", "20", "--lag", "3")
-WRITERS = {
-    "sweep": ("sweep", "quick", "--jobs", "1"),
-    "paper": ("paper", "--trials", "1", "--localizers", "dead-reckoning", *FEW, "--jobs", "1"),
-    "run": ("run", "--localizer", "dead-reckoning", *FEW),
-    "report": ("report",),
-}
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,7 @@
 """Reports whose numbers this code no longer gets are named, and made again: ``make reports``."""
 
-import csv
-
 import pytest
-from deqmcl_command import exit_code
+from deqmcl_command import exit_code, lines
 from sweep_command import without_report, write_small
 
 from deqmcl_gym.validation import InputError
@@ -15,7 +13,6 @@ OLD, NEW = "0" * 64, "f" * 64
 
 @pytest.fixture
 def reports(tmp_path, monkeypatch):
-    """A folder of reports with one, of a small sweep, that has been made by this code."""
     folder = tmp_path / "reports"
     (folder / "sampled").mkdir(parents=True)
     monkeypatch.setattr(report_runs, "REPORTS", folder)
@@ -36,8 +33,7 @@ def reports(tmp_path, monkeypatch):
 
 
 def test_a_report_is_made_again_with_its_files_and_the_commit(reports):
-    with (reports / "small.csv").open() as file:
-        assert {row["method"] for row in csv.DictReader(file)} == {"mcl", "dead-reckoning"}
+    assert {row["method"] for row in lines(reports, "small.csv")} == {"mcl", "dead-reckoning"}
     assert report_runs.read().reports["small"].commit == "abc+"
     with pytest.raises(InputError, match="there is no report large; there are small"):
         report_runs.main(["large"])

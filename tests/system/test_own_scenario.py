@@ -109,10 +109,8 @@ sigma = 0.1
 [assumed.scan]
 sigma = 0.1
 """
-WAYS = {
-    "[env]\nfloor_plan = 'maps/hall.yaml'\n": True,
-    "[env.floor_plan]\nfile = 'maps/hall.yaml'\nunknown = 'free'\n": False,
-}
+WAYS = {"[env]\nfloor_plan = 'maps/hall.yaml'\n": True}
+WAYS["[env.floor_plan]\nfile = 'maps/hall.yaml'\nunknown = 'free'\n"] = False
 
 
 @pytest.fixture

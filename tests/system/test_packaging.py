@@ -16,6 +16,8 @@ import deqmcl_gym
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("benchmarks", "deqmcl_gym", "localizers")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+COMMAND = "import sys; from benchmarks.cli import main; sys.exit(main(sys.argv[1:]))"
+DROP_FROM_BOUNDING_SET, DAC_OVERRIDE = 24, 1  # prctl(2), capabilities(7)
 
 
 def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
@@ -60,10 +62,6 @@ def test_plots_and_reports_are_extras_and_not_required():
     assert not any(line.startswith(("matplotlib", "jinja2", "scipy")) for line in required)
 
 
-COMMAND = "import sys; from benchmarks.cli import main; sys.exit(main(sys.argv[1:]))"
-DROP_FROM_BOUNDING_SET, DAC_OVERRIDE = 24, 1  # prctl(2), capabilities(7)
-
-
 def heed_permissions() -> None:
     """Make them hold for root, too, from the next program on."""
     if sys.platform == "linux":
@@ -74,7 +72,7 @@ def heed_permissions() -> None:
 def locked(tmp_path_factory):
     """The three packages, and a home, in folders without permission to write."""
     root = tmp_path_factory.mktemp("install")
-    for package in ("benchmarks", "deqmcl_gym", "localizers"):
+    for package in PACKAGES:
         left = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / package, root / package, ignore=left)
     (root / "home").mkdir()
@@ -88,12 +86,9 @@ def locked(tmp_path_factory):
 
 def run(locked, temporary, *arguments):
     bare = {"PATH": os.environ["PATH"], "PYTHONPATH": str(locked), "HOME": str(locked / "home")}
-    done = process(
-        *(sys.executable, "-W", "error", "-c", *arguments),
-        cwd=locked,
-        env=bare | {"TMPDIR": str(temporary)},
-        preexec_fn=heed_permissions,
-    )
+    command = (sys.executable, "-W", "error", "-c", *arguments)
+    how = {"cwd": locked, "env": bare | {"TMPDIR": str(temporary)}}
+    done = process(*command, **how, preexec_fn=heed_permissions)
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
 

@@ -78,9 +78,8 @@ def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_p
     assert exit_code("report", out) == 0
     assert (out / "report.html").exists()
     trials = [row for row in lines(out) if row["offset"] == "0"]
-    steps = {
-        p: {r["steps_done"] for r in trials if r["scenario"] == p} for p in ("paper", "guided")
-    }
+    kinds = ("paper", "guided")
+    steps = {p: {r["steps_done"] for r in trials if r["scenario"] == p} for p in kinds}
     assert steps["paper"] == {"204"}
     assert len(steps["guided"]) == 2
     assert all(float(row["error"]) > 0 for row in trials)

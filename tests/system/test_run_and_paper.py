@@ -24,7 +24,6 @@ FEW = ("--particles", "20", "--seed", "3")
 
 
 def curve(folder):
-    """The rows of error.csv by offset."""
     return dict(tuple(pd.read_csv(folder / "error.csv").groupby("offset")))
 
 
@@ -68,9 +67,8 @@ def test_curve_and_trajectories_hold_the_true_and_estimated_poses_of_every_offse
 
 def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     printed, out = lap
-    (trial,) = paper_sweep(
-        scenario="paper", localizers=["mcl"], trials=1, seed=3, lag=20, particles=20
-    ).distinct()
+    few = {"trials": 1, "seed": 3, "lag": 20, "particles": 20}
+    (trial,) = paper_sweep(scenario="paper", localizers=["mcl"], **few).distinct()
     (row,) = scores(Stage.of(trial).trace())
     errors = curve(out)[0].query("state >= 1")["error"]
     assert len(errors) == 204
@@ -148,9 +146,8 @@ def test_the_command_is_the_sweep_of_its_name():
 
 def test_the_table_has_every_method_at_every_offset_it_holds(small_run):
     rows = lines(small_run[1], "results.csv")
-    assert {
-        method: {int(r["offset"]) for r in rows if r["method"] == method} for method in METHODS
-    } == OFFSETS
+    held = {one: {int(r["offset"]) for r in rows if r["method"] == one} for one in METHODS}
+    assert held == OFFSETS
     assert len(rows) == sum(map(len, OFFSETS.values()))
     assert {row["worlds"] for row in rows} == {"2"}
     for row in rows:  # of a single pose there is no spread, which is not 0
@@ -160,11 +157,10 @@ def test_the_table_has_every_method_at_every_offset_it_holds(small_run):
 
 def test_what_is_printed_is_the_table_with_the_papers_values(small_run):
     done, out = small_run
-    for words in ("Table 1, scenario paper: 2 worlds, N = 100, L = 20", "20.95 (17.66)", "deq-mcl"):
-        assert words in done.stdout
-    written = (out / "table.md").read_text()
-    assert "| deq-mcl" in written
-    assert "20.95 (17.66)" in written
+    assert "Table 1, scenario paper: 2 worlds, N = 100, L = 20" in done.stdout
+    for text in (done.stdout, (out / "table.md").read_text()):
+        assert "deq-mcl" in text
+        assert "20.95 (17.66)" in text
 
 
 def test_the_manifest_says_how_to_get_the_same_numbers(small_run):

@@ -130,8 +130,6 @@ cli.import_module = lambda _: os.kill(os.getpid(), signal.SIGINT)
 sys.argv = ["deqmcl", "sweep"]
 sys.exit(cli.main())
 """
-
-
 DROPPED = """
 import ctypes, os, signal, sys, time
 from benchmarks.console import Terminated, stoppable
@@ -175,9 +173,8 @@ def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path
     dies = write_hostile(tmp_path, "die once", "update")
     assert sweep(file, tmp_path / "here", "--with", dies) == 0
     flag.touch()
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None
-    ) as cluster:
+    local = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**local) as cluster:
         address = cluster.scheduler_address
         words = ("--out", tmp_path / "there", "--with", dies, "--jobs", "2", "--dask", address)
         there = process(DEQMCL, "sweep", file, *words)

@@ -13,6 +13,9 @@ from benchmarks import report
 from benchmarks.sweeps import manifest, running
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_named, sweep_of
 
+VARIED = "\n[[vary]]\nparams.particles = [5, 6]\n"
+UNTIL = ("--until-decided", "--max-worlds", "22")
+
 
 def test_a_sweep_writes_tables_manifest_and_a_line_a_trial(finished):
     names = {"manifest.json", "results.csv", "trials.csv", "timings.csv", "trials.jsonl"}
@@ -59,9 +62,6 @@ def test_shards_in_one_folder_or_copied_come_to_the_whole(file, finished, tmp_pa
     assert "4 of 4 trials finished." in capsys.readouterr().out
     assert len(ran) == 4
     assert tables(out) == tables(finished)
-
-
-VARIED = "\n[[vary]]\nparams.particles = [5, 6]\n"
 
 
 def test_worlds_seed_and_parameters_given_as_options_are_as_if_the_file_said_them(tmp_path, ran):
@@ -124,9 +124,6 @@ def test_the_time_of_a_dry_run_is_shared_out_among_jobs(tmp_path, monkeypatch, c
     assert f"About {time}" in capsys.readouterr().out
 
 
-UNTIL = ("--until-decided", "--max-worlds", "22")
-
-
 def counts(out):
     return Counter(line["method"] for line in lines(out) if line["offset"] == "0")
 
@@ -144,10 +141,8 @@ def test_a_method_stops_when_it_is_decided_and_its_baseline_goes_on_for_the_othe
     _, out = decided
     assert counts(out) == {"mcl": 22, "mcl-map": 22, "dead-reckoning": 20}
     last = {line["method"]: line for line in lines(out, "decisions.csv") if line["verdict"]}
-    assert {name: line["verdict"] for name, line in last.items()} == {
-        "mcl-map": "open",
-        "dead-reckoning": "better",
-    }
+    verdicts = {name: line["verdict"] for name, line in last.items()}
+    assert verdicts == {"mcl-map": "open", "dead-reckoning": "better"}
     for line in lines(out, "results.csv"):
         assert (line["diff_low"], line["p"]) == ("", "")  # nothing for a fixed number of worlds
 
