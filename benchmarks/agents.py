@@ -164,51 +164,48 @@ class ToGoal:
         self._plan: GuidedPlan | None = None
         self._backing: Reals = NO_PLAN
         self._side = 1.0
-        self.goal: Point = (math.nan, math.nan)
-        self.arc = 0.0
-        self.pose: Pose = (0.0, 0.0, 0.0)
+        self._goal: Point = (math.nan, math.nan)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
         if "goal" not in info:
             raise InputError("the agent drives to a goal: give a world with a route.")
         x, y = info["goal"].tolist()
-        self.goal = x, y
+        self._goal = x, y
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         if (seen := policies.points_of(belief)) is None:
             return _LOOK_ROUND, None
-        self.pose = best_cluster(*seen, unit=self._map.unit).mean
+        pose = best_cluster(*seen, unit=self._map.unit).mean
         if info["collided"]:
             turn, step = self._world.lap.turn, self._world.lap.step
             turns = [(0.0, self._side * turn)] * round(_BACK_OFF / turn)
             self._backing = np.array([*turns, (step, 0.0), (step, 0.0)], np.float32)
             self._side = -self._side
-        ahead = self._backing
-        if not len(ahead) and math.dist(self.pose[:2], self.goal) > self._tolerance:
-            ahead = self._on_its_way()
-        elif not len(ahead):
+        if len(self._backing):
+            ahead, self._backing = self._backing, self._backing[1:]
+        elif math.dist(pose[:2], self._goal) > self._tolerance:
+            ahead = self._on_its_way(pose)
+        else:
             ahead = np.array([(0.0, self._world.lap.turn)], np.float32)
-        self._backing = self._backing[1:]
         return ahead[0], ahead[1:]
 
     def follow(self, course: Course) -> GuidedPlan:
         """Let it follow a course from now on."""
-        driver = self._world.driver or Driver()
-        self._plan, self.arc = GuidedPlan.of(self._world, driver, course, _HORIZON), 0.0
+        self._plan = GuidedPlan.of(self._world, self._world.driver or Driver(), course, _HORIZON)
         return self._plan
 
-    def _on_its_way(self) -> Reals:
+    def _on_its_way(self, pose: Pose) -> Reals:
         """Return the actions from the place on the way; of another way if there is none."""
-        plan = self._plan
+        plan, arc = self._plan, 0.0
         if plan is not None:
-            self.arc = plan.course.path.arc(self.pose[:2])
-            place = plan.course.path.at(self.arc)[:2]
-            near = math.dist(self.pose[:2], place) <= self._off
-            if not near or self._map.collides([self.pose], [place], self._world.body)[0]:
-                plan = None
-        plan = plan or self.follow(self._journeys.onwards(self.goal, self.pose))
-        planned, count = plan.after(Underway(0, self.pose, self.arc, 0.0))
+            arc = plan.course.path.arc(pose[:2])
+            place = plan.course.path.at(arc)[:2]
+            near = math.dist(pose[:2], place) <= self._off
+            if not near or self._map.collides([pose], [place], self._world.body)[0]:
+                plan, arc = None, 0.0
+        plan = plan or self.follow(self._journeys.onwards(self._goal, pose))
+        planned, count = plan.after(Underway(0, pose, arc, 0.0))
         return planned[:count]
 
 
@@ -224,11 +221,10 @@ class Dispatched(ToGoal):
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
         x, y, heading = np.asarray(info["truth"]).tolist()
-        self.pose = x, y, heading
-        if not math.dist(self.goal, (x, y)) > self._tolerance:  # also if there is no goal yet
-            x, y = self._journeys.between(None, self._rng)[-1].tolist()
-            self.goal, self._plan = (x, y), None
-        return self._on_its_way()[0], NO_PLAN
+        if not math.dist(self._goal, (x, y)) > self._tolerance:  # also if there is no goal yet
+            goal_x, goal_y = self._journeys.between(None, self._rng)[-1].tolist()
+            self._goal, self._plan = (goal_x, goal_y), None
+        return self._on_its_way((x, y, heading))[0], NO_PLAN
 
 
 class OnRoute(ToGoal):

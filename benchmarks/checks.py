@@ -21,13 +21,7 @@ from deqmcl_gym.numerics import Reals, Singles
 from deqmcl_gym.validation import InputError, array
 from localizers import Belief, UniformPrior, make
 from localizers.checks import Report, laws, report_of
-from localizers.checks.subject import (
-    LawBrokenError,
-    Subject,
-    difference,
-    localizer_drive,
-    robot_on,
-)
+from localizers.checks.subject import LawBrokenError, Subject, difference, localizer_drive, robot_on
 from localizers.kinds import Kind
 from localizers.models.scan import Scan, ScanModel
 from localizers.registry import SCAN_MODEL

@@ -15,6 +15,7 @@ from typing import NoReturn
 from benchmarks import console
 from benchmarks.commands import COMMANDS, GONE, GONE_OPTIONS, GROUPS, MODULES
 
+_IN_WORKERS = "check", "paper", "sweep", "verify"  # commands that call other processes at once
 BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
 _DESCRIPTION = "Benchmark of self-localization for robots with a known plan." + "".join(
     f"\n\n{group}:\n" + "\n".join(f"  {name:<8}{words}" for name, words in commands.items())
@@ -97,6 +98,10 @@ def _run(argv: Sequence[str], *, leaving: bool) -> int:
     try:
         with console.stoppable(leaving=leaving):
             _refuse_no_folder()
+            if options.command in _IN_WORKERS and getattr(options, "dask", None) is None:
+                from benchmarks.execution import prepare
+
+                prepare()  # while this process loads what the command needs
             console.say(options.run(options))
     except KeyboardInterrupt as how:
         resumed = options.command in ("paper", "sweep", "tune")

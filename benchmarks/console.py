@@ -86,21 +86,15 @@ def log_warnings() -> Iterator[list[str]]:
 
 
 @contextmanager
-def checking(*, shown: bool = True) -> Iterator[None]:
+def checking() -> Iterator[None]:
     """Say that all worlds and localizers are being checked, and what is wrong with their logs."""
-    if not shown:
-        yield
-        return
     with doing("checking every world and localizer"), log_warnings() as sentences:
         yield
     warn(sentences)
 
 
 def open_streams() -> None:
-    """Lead standard streams that are closed to the null device.
-
-    Else the next file opened gets their number, and what libraries print.
-    """
+    """Lead closed standard streams to the null device: else the next file opened gets a number."""
     for number in range(3):
         try:
             os.fstat(number)

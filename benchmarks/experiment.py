@@ -6,7 +6,7 @@ A localizer may be a class or a function that is defined in a notebook's cell.
 import json
 from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from benchmarks.console import checking
 from benchmarks.execution.engines import Where
 from benchmarks.report import write_report
-from benchmarks.report.films import Camera, camera_of
+from benchmarks.report.films import camera_of
 from benchmarks.report.verdict import conclusion
 from benchmarks.setup.overrides import NOTHING, Named, Overrides
 from benchmarks.sweeps import Sweep
@@ -65,10 +64,8 @@ def sweep(
             ``{"params.mcl.particles": 300, "world.lidar.beams": 9}``.
         keys: others of a sweep file: trials, seed, lag, world, assumed, params, baseline, ….
     """
-    document, factories = as_toml(keys), dict[str, Factory]()
-    if localizers:
-        listed, factories = named_localizers(localizers)
-        document["localizers"] = as_toml(listed)
+    listed, factories = named_localizers(localizers)
+    document = as_toml(keys) | ({"localizers": as_toml(listed)} if listed else {})
     if vary:
         axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
         document["vary"] = as_toml(axes)
@@ -129,7 +126,7 @@ class Experiment:
     def begun(self, out: Path, options: Options, command: Sequence[str]) -> Iterator[Running]:
         """Check it and open its folder, which is held until the block ends; nothing is run yet."""
         with knowing(self.factories):
-            with checking(shown=options.progress):
+            with checking() if options.progress else nullcontext():
                 check(self.sweep)
             with begun(self.sweep, out, options, command) as running:
                 yield running
@@ -195,7 +192,7 @@ class ExperimentResults:
 
     def report(self, out: str | Path) -> Path:
         """Write report.html and all tables into a folder; return the page."""
-        write_report(Path(out), self.results)
+        write_report(out, self.results)
         return Path(out) / "report.html"
 
     def __str__(self) -> str:
@@ -234,11 +231,7 @@ def run(
         stage = Stage.of(of.distinct()[trial])
         camera, title = camera_of(stage), str(method)
         for step in stage.moments():
-            yield step._replace(draw=partial(_picture, camera, step, title))
-
-
-def _picture(camera: Camera, step: Step, title: str) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(camera.frame(step, [f"{title}, t = {step.t}"]))
+            yield step._replace(draw=partial(camera.frame, step, [f"{title}, t = {step.t}"]))
 
 
 def named_localizers(localizers: Any) -> tuple[list[Any], dict[str, Factory]]:

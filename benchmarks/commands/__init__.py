@@ -7,10 +7,7 @@ here. What is heavy is imported where it runs, so that ``deqmcl new --help`` sta
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-if TYPE_CHECKING:  # --help loads nothing heavy
-    from benchmarks.sweeps import Sweep
+from typing import Any, NamedTuple
 
 GROUPS = {  # of the commands
     "for everybody": {
@@ -166,38 +163,8 @@ def trials(default: int | None = None) -> Option:
     return option("--trials", type=int, default=default, metavar="K", help=words)
 
 
-SETTING: tuple[Option, ...] = (  # of ``setting_sweep``
-    option("--scenario", default="paper", metavar="NAME",
-        help="a name (deqmcl list) or room.toml (paper)"),
-    seed(),
-    option("--particles", type=int, default=1000, metavar="N", help="particles (1000)"),
-    option("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)"),
-)  # fmt: skip
-
-
-def setting_sweep(options: argparse.Namespace, localizers: Sequence[str], trials: int) -> "Sweep":
-    """Return the localizers on the worlds of a setting, with what is set."""
-    from benchmarks.setup.documents import settings
-    from benchmarks.sweeps.sweepfile import check_localizers, paper_sweep, with_settings
-
-    check_localizers(localizers)
-    setting = {name: getattr(options, name) for name in ("scenario", "seed", "lag", "particles")}
-    sweep = paper_sweep(localizers=localizers, trials=trials, **setting)
-    return with_settings(sweep, settings(options.set))
-
-
 def localizers_named(listed: str) -> tuple[str, ...]:
     """Return the names in ``a,b,c``, without blanks; ``file.py`` is its only localizer."""
     from localizers.registry import LOCALIZER
 
     return tuple(LOCALIZER.complete(name) for part in listed.split(",") if (name := part.strip()))
-
-
-def mcap_of(options: argparse.Namespace) -> Path | None:
-    """Return the absolute path of the file for Foxglove, if one is asked for."""
-    from benchmarks.report.laps import check_file
-
-    if options.mcap is None:
-        return None
-    check_file(options.mcap)
-    return Path(options.mcap).absolute()

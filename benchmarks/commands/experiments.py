@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,17 +10,14 @@ from benchmarks.commands import (
     JOBS,
     MCAP,
     RETRY_FAILED,
-    SETTING,
     TIMEOUT,
     command,
     group,
     localizers_named,
-    mcap_of,
     option,
     out,
     path,
     seed,
-    setting_sweep,
     settings,
     share,
     switch,
@@ -38,6 +36,25 @@ PAPER_NOTE = (
     "where the robot does not fit."
 )
 
+SETTING = (  # of ``setting_sweep``
+    option("--scenario", default="paper", metavar="NAME",
+        help="a name (deqmcl list) or room.toml (paper)"),
+    seed(),
+    option("--particles", type=int, default=1000, metavar="N", help="particles (1000)"),
+    option("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)"),
+)  # fmt: skip
+
+
+def setting_sweep(options: argparse.Namespace, localizers: Sequence[str], trials: int) -> "Sweep":
+    """Return the localizers on the worlds of a setting, with what is set."""
+    from benchmarks.setup.documents import settings
+    from benchmarks.sweeps.sweepfile import check_localizers, paper_sweep, with_settings
+
+    check_localizers(localizers)
+    setting = {name: getattr(options, name) for name in ("scenario", "seed", "lag", "particles")}
+    sweep = paper_sweep(localizers=localizers, trials=trials, **setting)
+    return with_settings(sweep, settings(options.set))
+
 
 @command(
     *SETTING,
@@ -52,14 +69,11 @@ def paper_command(options: argparse.Namespace) -> str:
 
     Trials that the output folder already holds are not run again.
     """
-    from benchmarks.execution import prepare
-
-    prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
     from benchmarks.execution.processes import GUEST_SECONDS, Processes
     from benchmarks.experiment import Experiment
-    from benchmarks.report import load, write_report
-    from benchmarks.report.films import chosen, write_paper_figures
+    from benchmarks.report import write_report
+    from benchmarks.report.films import write_paper_figures
     from benchmarks.report.verdict import conclusion
     from benchmarks.sweeps.results import summary
     from benchmarks.sweeps.running import Options, complete
@@ -70,12 +84,9 @@ def paper_command(options: argparse.Namespace) -> str:
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
     localizers = PAPER_METHODS if named is None else localizers_named(named)
     sweep = setting_sweep(options, localizers, options.trials)
-    if not (target / "report.html").exists():
-        load()  # while the workers load theirs
     with Experiment(sweep).begun(target, how, options.words) as running:
         with Processes(1, timeout=GUEST_SECONDS) as beside:  # where the kernels are loaded
-            figures = target / "figures"
-            drawing = beside.submit(write_paper_figures, chosen(sweep.distinct()), figures)
+            drawing = beside.submit(write_paper_figures, sweep.distinct(), target / "figures")
             results = running.results()
             drawn = [] if results.failures or results.missing else drawing.result()
             # figures/lap.webp is a lap; three more would be a second of waiting
@@ -117,11 +128,11 @@ def run_command(options: argparse.Namespace) -> str:
 
     Writes its animation, its errors as CSV, and its trajectories as TUM files (for evo).
     """
-    from benchmarks.report.laps import run_lap
+    from benchmarks.report.laps import mcap_file, run_lap
     from benchmarks.sweeps.running import check
     from localizers.registry import LOCALIZER
 
-    mcap = mcap_of(options)
+    mcap = mcap_file(options.mcap)
     sweep = setting_sweep(options, [LOCALIZER.complete(options.localizer)], 1)
     with checking():
         check(sweep)
@@ -162,10 +173,6 @@ def sweep_command(options: argparse.Namespace) -> str:
 
     Trials that the output folder already holds are not run again.
     """
-    from benchmarks.execution import prepare
-
-    if options.dask is None:
-        prepare()  # while this process loads what it needs
     from benchmarks.experiment import Experiment
     from benchmarks.report import no_report
     from benchmarks.sweeps.running import check, complete, dry_run
@@ -293,9 +300,6 @@ def verify_command(options: argparse.Namespace) -> str:
     cannot prove what happens rarely: run the sweep again for numbers that must hold without a
     doubt.
     """
-    from benchmarks.execution import prepare
-
-    prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
     from benchmarks.sweeps.running import SAMPLED, verify
     from deqmcl_gym.validation import number

@@ -1,6 +1,7 @@
 """Recorded logs: localizers replayed on one, what another stack made of one, and tuning on some."""
 
 import argparse
+import math
 from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
@@ -15,7 +16,6 @@ from benchmarks.commands import (
     command,
     group,
     localizers_named,
-    mcap_of,
     option,
     out,
     path,
@@ -34,13 +34,10 @@ _OF_LOGS = "world.…, assumed.… and params.… (docs/your-map-your-log.md)"  
 _NODE = option(
     "--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)"
 )
-
 _LOG = option(
     "log", nargs="+", metavar="LOG", help="a ROS bag, or its parts; a CARMEN log, CSV or npz"
 )
 _MAP = option("--map", required=True, metavar="MAP.yaml", help="the map, as for ROS' map_server")
-
-
 _FAIL_IF = option("--fail-if", action="append", default=[], metavar="'COLUMN > X'", help="end "
     "with exit code 4 if this is so of a row of results.csv, or its value unknown, as in "
     "'position_p95 > 0.2' or 'amcl.position_p95 > 0.2' for one row (one --fail-if each)",
@@ -94,13 +91,13 @@ def replay_command(options: argparse.Namespace) -> str:
     Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md.
     """
     from benchmarks.execution.engines import Where
-    from benchmarks.report.laps import shown_again
+    from benchmarks.report.laps import mcap_file, shown_again
     from benchmarks.report.runs import limits_of, within
     from benchmarks.robots.replaying import planned, run_replay, sweep_file
     from benchmarks.sweeps.running import Options, complete
 
     how = Options(where=Where(jobs=options.jobs, timeout=options.timeout))
-    mcap = mcap_of(options)
+    mcap = mcap_file(options.mcap)
     limits_of(options.fail_if)  # refused before anything is read
     names = ("reference", "start", "particles", "seeds", "seed")
     plan = planned(
@@ -167,10 +164,10 @@ def score_command(options: argparse.Namespace) -> str:
     """
     from benchmarks.report.runs import limits_of, within
     from benchmarks.robots.estimates import estimates_of, played_before, played_by_replay, score
-    from benchmarks.robots.played import reading_among
+    from benchmarks.robots.played import values_among
     from benchmarks.setup import documents
     from deqmcl_gym.logs import read_tum
-    from deqmcl_gym.validation import InputError
+    from deqmcl_gym.validation import InputError, one_of
 
     beside, log, reference = options.beside, options.log, options.reference
     names = ("map", "every", "set", "log", "reference")
@@ -190,7 +187,11 @@ def score_command(options: argparse.Namespace) -> str:
         if beside is not None:
             by = played_before(beside)
         elif log is not None:
-            reading = reading_among(documents.settings(options.set))
+            values = documents.settings(options.set)
+            for name in values:
+                if not name.startswith("world.reading."):
+                    one_of("name of a setting of a log", name, ["world.reading.…"])
+            reading = values_among(values, "world.reading.")
             by = played_by_replay(log, reference, reading, options.map, options.every)
         else:
             by = read_tum(reference)
@@ -287,48 +288,44 @@ def tune_command(options: argparse.Namespace) -> str:
     where = Where(jobs=options.jobs, timeout=options.timeout)
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     tuning = search(task, options.out, how, options.candidates)
-    nav2_file = next(iter(options.nav2), None)
-    return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
+    file = None if nav2 is None else nav2.file
+    return write_tuned(tuning, options.out, options.words, file, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
     from benchmarks.robots.nav2 import usual_params
-    from benchmarks.robots.played import length_and_angle, values_among
+    from benchmarks.robots.played import values_among
     from benchmarks.robots.search import Task, cut
     from benchmarks.robots.space import space_of
     from benchmarks.setup.overrides import Overrides
     from benchmarks.sweeps.sweepfile import params_by_localizer
-    from deqmcl_gym.validation import integer, number
+    from deqmcl_gym.envs.log import spacing
+    from deqmcl_gym.validation import InputError, integer, number
     from localizers import parameters
     from localizers.methods.deq_mcl import Shared
 
-    seed = integer("--seed", options.seed)
+    integer("--seed", options.seed)
     length = number("--segment", options.segment, low=0, above=True)
     gap = number("--gap", options.gap, low=0)
-    sd = length_and_angle("--start-sd", options.start_sd)
+    sd = spacing("--start-sd", given := options.start_sd, "m")
+    if not all(map(math.isfinite, sd)):
+        raise InputError(f'--start-sd is {given!r}, but must have both, as in "0.5m,15deg".')
     params = params_by_localizer(values_among(_settings(options)), [name])[name]
     replays = _replays(options, name, nav2)
     noise = [n for n in vars(replays[0].motion) if n != "still"]
     base = Overrides({} if nav2 is None else nav2.params) | params
     space = space_of(options.space, name, noise, base)
-    training, held_out = cut(replays, length, gap, sd, seed)
+    training, held_out = cut(replays, length, gap, sd, options.seed)
     taken = parameters(name) or ()
     setup = replays[0].scenario
     tempered = {"beta": setup.beta, "plan_beta": setup.beta}
     defaults = usual_params() if name == "amcl" else vars(Shared()) | tempered
     scan = {f"scan.{part}": value for part, value in vars(setup.scan).items()}
-    usual = {n: v for n, v in defaults.items() if n in taken and v is not None}
-    return Task(
-        localizer=name,
-        base=base,
-        usual=Overrides({**usual, **scan, **training[0].assumed, **base}),
-        space=space,
-        training=training,
-        held_out=held_out,
-        score=options.score,
-        max_ms=options.max_ms,
-        seed=seed,
-    )
+    known = {n: v for n, v in defaults.items() if n in taken and v is not None}
+    usual = Overrides({**known, **scan, **training[0].assumed, **base})
+    asked: dict[str, Any] = {n: getattr(options, n) for n in ("score", "max_ms", "seed")}
+    asked |= {"base": base, "usual": usual, "space": space}
+    return Task(localizer=name, training=training, held_out=held_out, **asked)
 
 
 def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
@@ -352,7 +349,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     if name == "amcl":
         usual = {"world.every": "0.05m,3deg", "world.max_beams": 180}
     if nav2 is not None:
-        usual |= nav2.assumed | nav2.bounds
+        usual |= nav2.settings
     settings = usual | _settings(options)
     with doing("reading the logs and the maps"), log_warnings() as warnings:
         each = zip(options.logs, cycle(options.map), cycle(references), strict=False)

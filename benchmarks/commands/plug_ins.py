@@ -182,7 +182,6 @@ def check_command(options: argparse.Namespace) -> str:
 
     One line per law: ok, FAILED or skipped, with the reason. Exit code 3 if a law fails.
     """
-    from benchmarks.execution import prepare
     from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
     from deqmcl_gym.validation import InputError, number
 
@@ -192,7 +191,6 @@ def check_command(options: argparse.Namespace) -> str:
         raise InputError(
             "--map is for localizers, --scenario for agents and scan models: give the other one."
         )
-    prepare()  # while this process loads what it needs
     from benchmarks.checks import KINDS
     from localizers.checks import LawVerdict, Report, law_name
 

@@ -14,7 +14,7 @@ from typing import Any
 from benchmarks.console import doing
 from benchmarks.report import tables
 from benchmarks.report.charts import panel_charts, styled, swept_charts
-from benchmarks.report.films import IMAGES, films, pictures_of_paper
+from benchmarks.report.films import IMAGES, animations, pictures_of_paper
 from benchmarks.report.runs import starts_table
 from benchmarks.report.tables import Part
 from benchmarks.report.tracks import track_parts
@@ -65,13 +65,6 @@ def require_report() -> None:
     """Refuse to go on without what a report is made with."""
     if (why := no_report()) is not None:
         raise InputError(why)
-
-
-def load() -> None:
-    """Load what a page is drawn with, if it is installed: half a second."""
-    if no_report() is None:
-        import jinja2  # noqa: F401
-        import matplotlib.figure  # noqa: F401
 
 
 def write_report(
@@ -154,7 +147,7 @@ def page_files(
     stand below, beside the command, and ``more`` is part of the first section.
     """
     panels = results.panels
-    animations, no_films = films(panels, folder, draw=draw)
+    films, no_films = animations(panels, folder, draw)
     with styled():
         parts = [parts_of(panel, pictured=panel.number <= _PICTURED) for panel in panels]
         for first in parts[:1]:
@@ -174,7 +167,7 @@ def page_files(
         "glance": tables.glance_table(panels) if len(panels) > 1 else None,
         "swept": swept,
         "sections": list(zip(panels, map(verdict_on, panels), parts, strict=True)),
-        "films": animations,
+        "films": films,
         "no_films": no_films,
         "pictured": _PICTURED,
         "figures": pictures_of_paper(folder),
@@ -186,8 +179,8 @@ def page_files(
     page = _engine().get_template("report.html.jinja").render(context)
     contents = {"report.html": utf8(page)}
     contents |= {f"{IMAGES}/{name}.svg": svg for name, svg in drawn.items()}
-    contents |= {f"{IMAGES}/{film.name}.webp": film.webp for film in animations}
-    contents |= {f"{IMAGES}/{film.name}.png": film.png for film in animations}
+    contents |= {f"{IMAGES}/{film.name}.webp": film.webp for film in films}
+    contents |= {f"{IMAGES}/{film.name}.png": film.png for film in films}
     return contents
 
 

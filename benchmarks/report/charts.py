@@ -64,10 +64,7 @@ _CURVES = {  # by score: title, what the axis of shares says, caption
 
 @contextmanager
 def styled(salt: str = "") -> Iterator[None]:
-    """Draw in our style, whatever a user's matplotlibrc says; ``salt`` makes the ids of an SVG.
-
-    Letters that DejaVu Sans lacks are drawn by fonts that are installed here.
-    """
+    """Draw in our style, whatever a user's matplotlibrc says; ``salt`` makes the ids of an SVG."""
     import matplotlib as mpl  # an optional extra
     from matplotlib.font_manager import fontManager
 
@@ -75,7 +72,7 @@ def styled(salt: str = "") -> Iterator[None]:
     with mpl.rc_context(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from")  # it is drawn as a box
         mpl.rcdefaults()
-        others = [name for name in _OTHER_SCRIPTS if name in installed]
+        others = [n for n in _OTHER_SCRIPTS if n in installed]  # letters that DejaVu Sans lacks
         mpl.rcParams["font.sans-serif"] = ["DejaVu Sans", *others]
         mpl.rcParams.update(_STYLE | {"svg.hashsalt": salt})
         yield
@@ -133,11 +130,16 @@ def line(
 
 
 def _cells(
-    frame: pd.DataFrame, over: tuple[str, str, str], value: str, text: str, least: float, bold: str
+    frame: pd.DataFrame,
+    over: tuple[str, str, str],
+    value: str,
+    least: float,
+    bold: float = math.inf,
 ) -> "Figure":
-    """Draw rows as cells with words over columns: x across, y upwards, a square per value of z.
+    """Draw rows as cells with their words: x across, y upwards, a square per value of z.
 
-    They are blue above 0 and red below, fully from ``least`` or more on; ``bold`` is a column, too.
+    They are blue above 0 and red below, fully from ``least`` or more on; words are bold from
+    ``bold`` on.
     """
     from matplotlib.figure import Figure
 
@@ -154,8 +156,8 @@ def _cells(
         axes.imshow(shown, "RdBu", vmin=-1.6 * most, vmax=1.6 * most, aspect="auto", origin="lower")
         for row in rows.to_dict("records"):
             place = across.index(row[x]), upwards.index(row[y])
-            weight = "bold" if row[bold] else "normal"
-            axes.text(*place, row[text], ha="center", va="center", size=9, weight=weight)
+            weight = "bold" if row[value] >= bold else "normal"
+            axes.text(*place, row["words"], ha="center", va="center", size=9, weight=weight)
         axes.set_xticks(range(len(across)), [f"{v:g}" for v in across])
         axes.set_yticks(range(len(upwards)), [f"{v:g}" for v in upwards])
         axes.set(xlabel=x, title=which if isinstance(which, str) else f"{square} {which:g}")
@@ -406,7 +408,6 @@ def _regimes(rows: pd.DataFrame, axes: tuple[str, str, str], score: Score, numbe
         cell.replace(" (", f"{' *' * clear}\n(")
         for cell, clear in zip(differences, rows[f"{name}_p_holm"] < ALPHA, strict=True)
     ]
-    rows["bold"] = False
     rows["ahead"] = (-1 if score.censored else 1) * rows[f"{name}_diff"].fillna(0)
     return Chart(
         f"regimes-{name.replace('_', '-')}-{number}",
@@ -414,18 +415,18 @@ def _regimes(rows: pd.DataFrame, axes: tuple[str, str, str], score: Score, numbe
         f"Difference to the baseline in {'points' if share else 'metres'}, and its 95 % interval. "
         "Blue: ahead; red: behind; *: p < 0.05, corrected for the tests of a setting, not for the "
         "number of settings.",
-        _cells(rows, axes, "ahead", "words", 0.1 if share else 1.0, "bold"),
+        _cells(rows, axes, "ahead", 0.1 if share else 1.0),
     )
 
 
 def _share_map(frame: pd.DataFrame, x: str, y: str, aim: Score) -> Chart:
     shares = [cell.replace(" (", "\n(") for cell in means(frame, aim.name, ".0f", " %", 100)]
     method, share = frame["label"].astype(str), frame[aim.name].astype(float)
-    rows = frame.assign(method=method, share=share, words=shares, mostly=share >= _MOSTLY)
+    rows = frame.assign(method=method, share=share, words=shares)
     return Chart(
         "shares",
         f"Runs {aim.words}",
         "Share of runs, and Wilson's 95 % interval, with every value of the two numbers; "
         f"{percent(_MOSTLY)} or more is bold.",
-        _cells(rows, (x, y, "method"), "share", "words", 1.0, "mostly"),
+        _cells(rows, (x, y, "method"), "share", 1.0, _MOSTLY),
     )

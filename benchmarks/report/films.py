@@ -29,6 +29,7 @@ from benchmarks.trials.scoring import Finished
 from benchmarks.trials.stage import Stage, key_of
 from deqmcl_gym.envs import RoomEnv
 from deqmcl_gym.files import content_of
+from deqmcl_gym.logs.motion import dead_reckoned
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Reals
 from deqmcl_gym.validation import InputError, in_words
@@ -48,7 +49,6 @@ from deqmcl_gym.world.drawing import (
 )
 from localizers import Belief, best_cluster, mean_pose
 from localizers.inference.hedge import HedgedBelief
-from localizers.models.motion import increments
 
 _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to front
     (+1, LIGHT_BLUE, "future"),
@@ -102,7 +102,7 @@ class Camera:
         for way, color in ways:
             drawing.path(way, color, 2)
         if moment.plan is not None and len(moment.plan):
-            drawing.path(way_of_plan(moment.truth, moment.plan), _PLAN, 2)
+            drawing.path(dead_reckoned(moment.plan, moment.truth)[:, :2], _PLAN, 2)
             legend.append(("plan", _PLAN))
         pixel_length = 1 / self.view.per_length
         radius = max(self.radius, _LEAST * pixel_length)
@@ -184,10 +184,7 @@ def _level(images: Sequence[Image]) -> list[Image]:
 
 @dataclass
 class Film:
-    """Draws an episode while it is run: a localizer may change its belief at the next step.
-
-    The last frame has the whole way of the best cluster.
-    """
+    """Draws an episode while it is run: a localizer may change its belief at the next step."""
 
     camera: Camera  # looks at the room
     title: str  # stands below it
@@ -204,7 +201,7 @@ class Film:
             self.moments.append(moment)
             if moment.t % self.stride == 0:
                 self.frames.append(self._frame(moment))
-        self.frames.append(self._frame(moment, (self._best, _BEST)))
+        self.frames.append(self._frame(moment, (self._best, _BEST)))  # with its whole way
 
     def _frame(self, moment: Step, *ways: tuple[Any, Color]) -> Image:
         best, belief, unit = self._best[-1], moment.belief, self.camera.view.floor_plan.unit
@@ -232,15 +229,6 @@ def _present(moment: Step) -> tuple[Reals, Floats]:
     return points
 
 
-def way_of_plan(pose: Reals, plan: Reals) -> Floats:
-    """Return the way of a plan (h, 2), or (h, 3) of a log, from a pose, no noise, (h + 1, 2)."""
-    forward, left, turn = increments(plan).T
-    heading = pose[2] + np.cumsum(turn)
-    cos, sin = np.cos(heading), np.sin(heading)
-    steps = np.column_stack([forward * cos - left * sin, forward * sin + left * cos])
-    return np.vstack([pose[:2], pose[:2] + np.cumsum(steps, axis=0)])
-
-
 def _captioned(drawing: Drawing, words: Sequence[str], legend: list[tuple[str, Color]]) -> Image:
     """Return the drawing above lines of words and a legend."""
     left, (width, below) = drawing.view.margin, drawing.view.size
@@ -261,14 +249,10 @@ def _captioned(drawing: Drawing, words: Sequence[str], legend: list[tuple[str, C
     return image
 
 
-def chosen(trials: Sequence[Trial]) -> list[Trial]:
-    """Return trial 0 of each method that is shown."""
-    return [t for t in trials if (t.trial, t.filter_seed) == (0, 0) and t.localizer in _IN_PAPER]
-
-
 def write_paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
-    """Draw the figures of the trials that are ``chosen``."""
-    stages = {trial.localizer: Stage.of(trial) for trial in trials}
+    """Draw the figures, of the first of the trials of each method that is shown."""
+    first = [t for t in trials if (t.trial, t.filter_seed) == (0, 0) and t.localizer in _IN_PAPER]
+    stages = {trial.localizer: Stage.of(trial) for trial in first}
     episodes = {method: list(stage.moments()) for method, stage in stages.items()}
     contents: dict[str, bytes] = {}
     for method, episode in episodes.items():
@@ -335,12 +319,8 @@ def pictures_of_paper(folder: Path) -> dict[str, bytes]:
     return {path.name: content_of(path) for path in shown}
 
 
-def films(panels: Sequence[Panel], folder: Path, *, draw: bool) -> tuple[list[Animation], str]:
-    """Return the films of the first panel, and why there are none.
-
-    Those that the folder lacks are drawn, if that is asked for, by workers: a plug-in that hangs
-    or exits there does no harm.
-    """
+def animations(panels: Sequence[Panel], folder: Path, draw: bool) -> tuple[list[Animation], str]:
+    """Return the films of the first panel, drawn if the folder lacks some; and why none are."""
     chosen = films_of(panels[0]) if panels else []
     stored = []
     for film in chosen:
@@ -350,6 +330,7 @@ def films(panels: Sequence[Panel], folder: Path, *, draw: bool) -> tuple[list[An
     if len(stored) == len(chosen) or not draw:
         why = "the folder has none of these worlds; `deqmcl sweep` draws them."
         return stored, "" if stored or not chosen else why
+    # a plug-in that hangs or exits there does no harm
     with Processes(available_cpus(), timeout=_PATIENCE) as pool:
         promises = [pool.submit(filmed, film) for film in chosen]
         try:
@@ -362,12 +343,11 @@ def films(panels: Sequence[Panel], folder: Path, *, draw: bool) -> tuple[list[An
 
 def films_of(panel: Panel) -> list[Animation]:
     """Choose the best, median and worst world of what is in focus, beside its baseline."""
-    whole_log = any(record.track for records in panel.records.values() for record in records)
     rows = panel.present
-    if rows.empty or whole_log:  # which is too long, and has its own pictures
+    if rows.empty or panel.world == "run":  # of a whole log, which has its own pictures
         return []
     focus = _focus(rows)
-    name, what = ("error", "error")
+    name, what = "error", "error"
     if _LOCALIZED in rows and pd.notna(focus[_LOCALIZED]):
         name, what = _LOCALIZED, "metres to localize"
     runs = scored(panel.runs_of(focus["label"]))

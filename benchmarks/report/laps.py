@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report.films import LAP_STRIDE, Film, best_of, camera_of, way_of_plan, webp
+from benchmarks.report.films import LAP_STRIDE, Film, best_of, camera_of, webp
 from benchmarks.sweeps.store import own_folder, write_files
 from benchmarks.tables import short_name, short_names, state_name
 from benchmarks.trials import Trial
@@ -29,6 +29,7 @@ from benchmarks.trials.trace import Trace
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import PREFIX, SUFFIX
 from deqmcl_gym.logs import Log, Trajectory, check_writable, write
+from deqmcl_gym.logs.motion import dead_reckoned
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.maps.polygons import edges_of
@@ -102,7 +103,7 @@ class Messages:
                 self._log(f"/{name}/{kind}", self._cloud(np.asarray(points[0]), points[1]))
         if moment.plan is not None:
             start = best if truth is None else truth
-            way = way_of_plan(start, moment.plan) if len(moment.plan) else np.empty((0, 2))
+            way = dead_reckoned(moment.plan, start)[:, :2]
             self._log(f"/{name}/plan", self._lines("plan", way, "LineStrip", _GREEN))
         self._log(f"/{name}/series", {k: value for k, value in series.items() if value is not None})
 
@@ -160,7 +161,7 @@ class Messages:
         ]
 
     def _lines(self, name: str, way: Floats, kind: str, ink: tuple[float, float, float]) -> Any:
-        """A line through points (n, 2), or one between each two of them; none of no points."""
+        """A line through points (n, 2), or one between each two of them; none of a single point."""
         red, green, blue = ink
         line = self._fox.LinePrimitive(
             type=getattr(self._fox.LinePrimitiveLineType, kind),
@@ -170,7 +171,7 @@ class Messages:
             points=[self._fox.Point3(x=x, y=y, z=0.0) for x, y in (way / self._metre).tolist()],
             color=self._fox.Color(r=red, g=green, b=blue, a=1.0),
         )
-        entity = self._framed("SceneEntity", id=name, lines=[line] if len(way) else [])
+        entity = self._framed("SceneEntity", id=name, lines=[line] if len(way) > 1 else [])
         return self._fox.SceneUpdate(entities=[entity])
 
     def _map(self, floor_plan: Any) -> Any:
@@ -195,8 +196,10 @@ class Messages:
         )
 
 
-def check_file(path: Path) -> None:
-    """Refuse an MCAP file without foxglove-sdk, with another ending, or that exists."""
+def mcap_file(path: Path | None) -> Path | None:
+    """Return the absolute path of a file for Foxglove; refuse other endings, or one that exists."""
+    if path is None:
+        return None
     if find_spec("foxglove") is None:
         raise InputError(
             "--mcap needs foxglove-sdk, which is not installed: pip install 'deqmcl-gym[view]'."
@@ -205,13 +208,14 @@ def check_file(path: Path) -> None:
         raise InputError(f"--mcap is {path}, but must end in .mcap.")
     if os.path.lexists(path):
         raise InputError(f"{path} exists already: give another --mcap.")
+    return path.absolute()
 
 
 @contextmanager
 def showing(
     path: Path | None, runs: Mapping[str, Iterable[Step]], stage: Stage
 ) -> Iterator[Iterable[tuple[Step, ...]]]:
-    """Yield runs of one world by localizer, side by side, that are written to a file as they go on.
+    """Yield runs of one world by localizer, side by side; write them to a file as they go on.
 
     The file is there, whole, if the runs have ended; times before 0 s are refused.
     """
@@ -256,10 +260,7 @@ def _time(stage: Stage, moment: Step) -> float:
 
 
 def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str:
-    """Run one lap of one localizer; write animation, errors, poses; return what to print.
-
-    ``log`` is where to write the lap as a log, ``mcap`` what is believed, for Foxglove.
-    """
+    """Run a lap; write animation, errors, poses, if asked a log, an MCAP; return what to print."""
     if log is not None:
         check_writable(log)
         if os.path.lexists(log):
@@ -267,25 +268,21 @@ def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str
     own_folder(out, "lap.webp")
     stage = Stage.of(trial)
     unit = stage.room.floor_plan.unit
-    title = trial.localizer
-    film = Film(camera_of(stage), title, LAP_STRIDE)
-    heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
-    with showing(mcap, {short_name(title): film.of(stage.moments())}, stage) as rows:
+    film = Film(camera_of(stage), trial.localizer, LAP_STRIDE)
+    with showing(mcap, {short_name(trial.localizer): film.of(stage.moments())}, stage) as rows:
         trace = Trace((moment for (moment,) in rows), trial.offsets, stage.task)
-    files = {
-        "lap.webp": webp(film.frames),
-        "error.csv": _curves_csv(trace).encode(),
-    } | trajectories(trace)
+    files = {"lap.webp": webp(film.frames), "error.csv": _curves_csv(trace).encode()}
+    files |= trajectories(trace)
     if log is not None:
         scans, truth = zip(*((moment.ranges, moment.truth) for moment in film.moments), strict=True)
         actions = [moment.action for moment in film.moments[1:] if moment.action is not None]
         write(Log.of_episode(scans, actions, truth, stage.room.lidar, unit=unit), log)
     write_files(out, files)
-    lines = [_line(row, unit) for row in scores(trace)]
+    heading = f"{trial.localizer}, scenario {trial.scenario}, seed {trial.seed}"
+    lines = [f"{heading}: {trace.steps} steps", *(_line(row, unit) for row in scores(trace))]
     lines.append(f"Written to {out}: {', '.join(files)}.")
-    lines += [] if log is None else [f"Log: {log}"]
-    lines += [] if mcap is None else [f"MCAP: {mcap}"]
-    return "\n".join([f"{heading}: {trace.steps} steps", *lines])
+    lines += [f"{kind}: {path}" for kind, path in (("Log", log), ("MCAP", mcap)) if path]
+    return "\n".join(lines)
 
 
 def _line(row: Mapping[str, Any], unit: str) -> str:
@@ -297,8 +294,7 @@ def _line(row: Mapping[str, Any], unit: str) -> str:
 
 
 def _curves_csv(trace: Trace) -> str:
-    header = "offset,state,true_x,true_y,true_heading,x,y,error,position_error,heading_error"
-    rows = [header]
+    rows = ["offset,state,true_x,true_y,true_heading,x,y,error,position_error,heading_error"]
     for offset, estimates in trace.offsets.items():
         errors = estimates.error, estimates.distance, estimates.angle
         columns = estimates.states, estimates.truth, estimates.means, *errors

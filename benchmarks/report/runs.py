@@ -52,21 +52,18 @@ def runs_frame(
     for label, finished in records.items():
         for record in finished:
             assert record.track is not None
-            scores = dict.fromkeys(_SCORES, math.nan)  # of a record made before a score was added
-            scores |= {name: v for name, v in record.track.scores.items() if v is not None}
-            scores |= {score.name: value_in(record, score) for score in _OF_RUNS}
-            scores["ms_per_step"] = milliseconds_per_step([record])
             run = {"label": label, "seed": record.trial.trial, "track": record.track.on(log)}
-            rows.append(run | scores)
+            run |= {name: v for name, v in record.track.scores.items() if v is not None}
+            run |= {score.name: value_in(record, score) for score in _OF_RUNS}
+            rows.append(run | {"ms_per_step": milliseconds_per_step([record])})
         rows += [{"label": label, "seed": -1, "track": None}] * failed.get(label, 0)
     return pd.DataFrame(rows, columns=["label", "seed", "track", *_SCORES])
 
 
 def run_of_track(label: str, track: EstimatedTrack, scores: Mapping[str, float]) -> pd.DataFrame:
     """Return the run of somebody else's track, of which no time is known."""
-    whole = {} if not track.known.size else journey_scores(track.journey(), TRACK_GROUPS)
-    row = {"label": label, "seed": 0, "track": track, **scores}
-    row |= {score.name: whole.get(score.name, math.nan) for score in _OF_RUNS}
+    whole = journey_scores(track.journey(), TRACK_GROUPS) if track.known.size else {}
+    row = {"label": label, "seed": 0, "track": track, **scores, **whole}
     return pd.DataFrame([row], columns=["label", "seed", "track", *_SCORES])
 
 
@@ -91,11 +88,10 @@ def scores_by_localizer(runs: pd.DataFrame) -> pd.DataFrame:
 
 def _scores(runs: pd.DataFrame, seeds: int) -> dict[str, float]:
     scores = {name: float(np.mean([*runs[name]])) for name in _SCORES}
-    off = [(track.errors, track.at_stamps) for track in runs["track"]]
-    position = np.concatenate([errors.translation for errors, _ in off])
-    heading = np.concatenate([errors.rotation for errors, _ in off])
-    near = np.concatenate([errors.translation[at] for errors, at in off])
-    turned = np.concatenate([errors.rotation[at] for errors, at in off])
+    errors = [np.array(track.errors) for track in runs["track"]]
+    stamps = [track.at_stamps for track in runs["track"]]
+    position, heading = np.concatenate(errors, axis=1)
+    near, turned = np.concatenate([e[:, at] for e, at in zip(errors, stamps, strict=True)], axis=1)
     shares = {f"success_{name}": scores[f"success_{name}"] * len(runs) / seeds for name in NEAR}
     low, high = wilson(shares[_REACHED], seeds)
     metres = [*runs["metres_to_localize"], *[math.inf] * (seeds - len(runs))]
@@ -120,10 +116,7 @@ def middle_run(runs: pd.DataFrame) -> pd.Series:
 
 
 def worst_run(runs: pd.DataFrame) -> pd.Series:
-    """Return the run with the fewest records within 1 m and 30°, then the largest 95 % error.
-
-    Without a reference, the run of the least agreement.
-    """
+    """Return the run with the fewest records within 1 m and 30°, then the largest 95 % error."""
 
     def worse(run: pd.Series) -> tuple[float, ...]:
         if not run["track"].known.size:
@@ -161,10 +154,7 @@ class LimitError(RuntimeError):
 def limits_of(
     texts: Sequence[str], rows: Collection[str] | None = None
 ) -> list[tuple[str, str, str, str, float]]:
-    """Read limits ``[ROW.]COLUMN > NUMBER``, of these rows if they are known.
-
-    Each is its text, row ("" is all), column, sign and number.
-    """
+    """Read limits ``[ROW.]COLUMN > NUMBER``: text, row ("" is all), column, sign and number."""
     limits = []
     for text in texts:
         if (parts := _FORM.fullmatch(text)) is None:
@@ -182,10 +172,7 @@ def limits_of(
 
 
 def within(text: str, table: pd.DataFrame, limits: Sequence[str], baseline: str = "") -> str:
-    """Return what a command prints at its end; print it and raise if a row is beyond a limit.
-
-    What is unknown is beyond it.
-    """
+    """Return what a command prints; print it and raise if a row is beyond a limit, or unknown."""
     whole, broken = table.set_index("localizer"), list[str]()
     for words, row, column, compare, limit in limits_of(limits, [*whole.index]):
         values = whole.loc[[row], column] if row else whole[column]

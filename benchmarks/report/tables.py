@@ -158,15 +158,9 @@ def verdict_table(panel: Panel) -> Table:
         numbers = {**_score_columns(rows, aim), **relation}
         if panel.world == "world":  # on a log, the table of best clusters has the error
             numbers |= {**error, "difference of e (95 %)": differences(rows, "diff")}
-    numbers |= {
-        "ms per step (ratio)": words(
-            rows,
-            lambda ms, ratio: f"{fixed(ms)} ({significant(ratio, 2)} ×)",
-            "ms_per_step",
-            "cost",
-        ),
-        f"{panel.world}s": words(rows, str, "worlds"),
-    }
+    costs = zip(rows["ms_per_step"], rows["cost"], strict=True)
+    timed = [f"{fixed(ms)} ({significant(ratio, 2)} ×)" for ms, ratio in costs]
+    numbers |= {"ms per step (ratio)": timed, f"{panel.world}s": words(rows, str, "worlds")}
     best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
     strong = [(n, column) for n in best for column in (0, 1)]
     return Table("verdict", pd.DataFrame({"method": names, **numbers}), strong, panel)
@@ -206,10 +200,7 @@ def _score_columns(rows: pd.DataFrame, score: Score) -> dict[str, list[str]]:
 
 
 def glance_table(panels: Sequence[Panel]) -> Table:
-    """What all methods are ranked by, on all settings, the best in bold.
-
-    ▼ is smaller than the baseline's, ▲ larger.
-    """
+    """What all methods are ranked by, on all settings, the best in bold."""
     labels = list(dict.fromkeys(label for panel in panels for label in panel.present["label"]))
     lines, strong = [], []
     for n, panel in enumerate(panels):
@@ -271,7 +262,7 @@ def detection_table(panel: Panel) -> Table | None:
 
 def failed_table(results: Results) -> Table | None:
     """The trials that failed, and why."""
-    failures = [(failure.trial, failure.reason) for failure in results.failures]
+    failures = ((failure.trial, failure.reason) for failure in results.failures)
     lines = [
         (f"{t.localizer} on {t.scenario}, world {t.trial}, filter seed {t.filter_seed}", reason)
         for t, reason in failures

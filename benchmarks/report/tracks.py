@@ -13,7 +13,6 @@ import pandas as pd
 from benchmarks.report.charts import INK, Chart, canvas, line
 from benchmarks.report.runs import ended, middle_run, runs_frame, scores_by_localizer, worst_run
 from benchmarks.report.tables import Part, Table, means, nees_words, words
-from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
 from benchmarks.tables import p_value, percent
@@ -203,7 +202,10 @@ def _needed(panel: Panel, score: str, row: pd.Series) -> str:
     low, high = row[f"{score}_diff_low"], row[f"{score}_diff_high"]
     clear = (low > 0 or high < 0) and row[f"{score}_p_holm"] < ALPHA
     needed = 0 if clear or not sd >= 0 or not mean else worlds_to_see(mean, sd, panel.tests)
-    return "–" if needed <= len(differences) else f"about {rounded(needed)}"
+    if needed <= len(differences):
+        return "–"
+    # two digits: it is known no better
+    return f"about {int(float(f'{needed:.2g}')):,}" if needed <= 100_000 else "more than 100,000"
 
 
 def run_words(run: pd.Series) -> str:
@@ -228,7 +230,6 @@ def run_words(run: pd.Series) -> str:
     )
 
 
-_SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows
 _GREY = 140  # of walls
 _UNKNOWN = 50 / (255 - PALE[0])  # opacity per darkness: 50 of 255 for unknown cells, walls whole
 _POINTS = 300  # of a curve
@@ -298,7 +299,7 @@ def map_axes(floor_plan: Map, width: float = 4.8) -> "Axes":
     """Return axes with a map: its walls grey, its unknown or solid areas paler."""
     x0, y0, x1, y1 = floor_plan.bounds
     axes = canvas(width, min(9.0, (width - 0.77) * (y1 - y0) / (x1 - x0) + 0.62))
-    view = View(floor_plan, _SCALE)
+    view = View(floor_plan, 1.0)  # 480 image pixels, about as many as the page shows
     darkness = 255.0 - Drawing(view).image[:, :, 0]
     image = np.full((*darkness.shape, 4), _GREY, np.uint8)
     image[:, :, 3] = np.minimum(np.rint(_UNKNOWN * darkness), 255)

@@ -80,11 +80,6 @@ def decided(panels: Sequence[Panel]) -> str:
     )
 
 
-def rounded(worlds: int) -> str:
-    """A count of worlds or runs with two significant digits, as it is known no better."""
-    return f"{int(float(f'{worlds:.2g}')):,}" if worlds <= 100_000 else "more than 100,000"
-
-
 def _of_several(panels: Sequence[Panel], results: Results) -> str:
     settings = [(p, r) for p in panels if not (r := p.ranked)["score"].isna().all()]
     if not settings:

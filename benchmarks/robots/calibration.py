@@ -19,7 +19,6 @@ import numpy as np
 
 from benchmarks.console import doing
 from benchmarks.robots.played import REPLAY_SCENARIO, Replay
-from benchmarks.robots.scan_fits import known_part
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import Overrides, located
 from benchmarks.tables import percent
@@ -38,7 +37,6 @@ PART = 0.3  # of the records, the first ones: fitted on; the rest judges
 _MOST = 800  # of them: two seconds of a filter for each power that is tried
 _ENOUGH = 100  # records with a reference, fewer say nothing of 95 %
 _PARTICLES = 1000
-_NEEDED = f"{_ENOUGH} records with a reference in the first {PART:.0%} of the log"
 _POWERS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 _NEAR = 1.0  # m: a filter farther off follows nothing
 _ROOT = 25  # of the randomness: a fit is the same for every --seed
@@ -55,8 +53,9 @@ def with_fitted_power(replay: Replay) -> Replay:
     log, judged = replay.log, first_judged(replay.log)
     if judged is None:
         words = (
-            f"The power is 1: not fitted, which needs {_NEEDED}; a smaller --every gives more. Nor "
-            "are covariances calibrated: coverage, NEES and log score are of what is believed."
+            f"The power is 1: not fitted, which needs {_ENOUGH} records with a reference in the "
+            f"first {PART:.0%} of the log; a smaller --every gives more. Nor are covariances "
+            "calibrated: coverage, NEES and log score are of what is believed."
         )
         return replace(replay, power=words)
     first, whole = log.referenced[0], replay.scenario.whole
@@ -161,10 +160,7 @@ def doubts_by(log: Log, floor_plan: Map) -> list[str]:
 def late_words(
     what: str, times: Floats, odometry: Floats, stamps: Floats, poses: Floats, clock: str
 ) -> str | None:
-    """Say how late poses are, by when they turn and the odometry does; None if they hardly are.
-
-    An offset that leaves half of the turns, or more, explains nothing.
-    """
+    """Say how late poses are, by when they turn and the odometry does; None if they hardly are."""
     headings, first, last = np.unwrap(odometry[:, 2]), stamps[:-1], stamps[1:]
     inside = (first >= times[0]) & (last <= times[-1]) & (last - first < _PAUSE)
     turns = arrays.wrapped(np.diff(poses[:, 2]))
@@ -177,6 +173,7 @@ def late_words(
     starts = [np.array([offset]) for offset in sorted(np.arange(-_LATEST, _LATEST, 0.1), key=abs)]
     (late,), (sd,) = _least(turns.size, [off], starts, [0.1])
     hardly = abs(late) - _SURE * sd <= np.median(np.diff(times))
+    # an offset that leaves half of the turns, or more, explains nothing
     if hardly or np.abs(off(np.array([late]))).sum() >= np.abs(turns).sum() / 2:
         return None
     word, remedy = ("late", "subtract") if late > 0 else ("early", "add")
@@ -201,6 +198,13 @@ def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
         f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, the "
         f"map's resolution and origin, and the angles of the beams, {first:.0f}° to {last:.0f}°."
     )
+
+
+def known_part(floor_plan: Map) -> Map:
+    """Return a map whose unknown cells stop no beam and are no free space either."""
+    if isinstance(floor_plan, GridMap):
+        return replace(floor_plan, unknown="transparent")
+    return floor_plan
 
 
 def _mounting_words(log: Log, floor_plan: Map) -> str | None:

@@ -19,7 +19,7 @@ import yaml
 from benchmarks.robots.played import Replay
 from benchmarks.setup.priors import Gaussian
 from deqmcl_gym.envs.log import spacing
-from deqmcl_gym.files import UnreadableError, content_of, yaml_of
+from deqmcl_gym.files import content_of, refusing, yaml_of
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
@@ -109,22 +109,12 @@ class Amcl:
         return [f"{self.source}: what is played differs in {', '.join(changes)}"] if changes else []
 
     @property
-    def assumed(self) -> dict[str, Any]:
-        """What other localizers assume, as settings of ``replay_of``."""
+    def settings(self) -> dict[str, Any]:
+        """What others assume, and which ranges are measurements, as settings of ``replay_of``."""
         motion = {"kind": kind_of(self.motion), **vars(self.motion)}
         settings = {f"assumed.motion.{name}": value for name, value in motion.items()}
+        settings |= {f"world.reading.{name}": value for name, value in self.reading.items()}
         return settings | {"assumed.scan.sigma": self.params["sigma_hit"]}
-
-    @property
-    def world(self) -> dict[str, Any]:
-        """What the parameters say of the log, as settings of ``replay_of``."""
-        records = {"world.every": self.every, "world.max_beams": self.params["max_beams"]}
-        return records | self.bounds
-
-    @property
-    def bounds(self) -> dict[str, Any]:
-        """The ranges that are measurements, as settings of ``replay_of``."""
-        return {f"world.reading.{name}": value for name, value in self.reading.items()}
 
 
 def read_nav2(path: Path, node: str | None = None) -> Amcl:
@@ -243,12 +233,8 @@ def _nodes_of(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:
     """Return a file's tables, its parameters by node and dotted name, and keys given twice."""
     twice: list[str] = []
     nodes: _Nodes = {}
-    try:
+    with refusing(path):
         tree = yaml_of(content_of(path), lambda root: _built(root, "", {}, twice))
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist: give Nav2's parameter file.") from None
-    except UnreadableError as error:
-        raise InputError(f"{path} {error}: give another file.") from None
     tops = tree.items() if isinstance(tree, dict) else ()
     document = {name: table for name, table in tops if isinstance(table, dict)}
     for name, table in _tables(document):

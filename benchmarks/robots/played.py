@@ -203,14 +203,6 @@ def replay_of(
     )
 
 
-def reading_among(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of ``logs.read`` that are set; nothing else may be."""
-    for name in settings:
-        if not name.startswith("world.reading."):
-            one_of("name of a setting of a log", name, ["world.reading.…"])
-    return values_among(settings, "world.reading.")
-
-
 def values_among(settings: Mapping[str, Any], head: str = "params.") -> dict[str, Any]:
     """Return the settings whose names begin with ``head``, by the rest of their names."""
     return {n.removeprefix(head): value for n, value in settings.items() if n.startswith(head)}
@@ -256,14 +248,6 @@ def _with_noise(
         estimated = vars(motion_noise(played, kind_of(noise)))
         values = {f"motion.{name}": value for name, value in estimated.items()} | values
     return values, f"{', '.join(fixed)} given; the rest {origin}"
-
-
-def length_and_angle(option: str, text: str) -> tuple[float, float]:
-    """Return metres and rad of "0.5m,15deg"."""
-    both = spacing(option, text, "m")
-    if not all(map(math.isfinite, both)):
-        raise InputError(f'{option} is {text!r}, but must have both, as in "0.5m,15deg".')
-    return both
 
 
 def _start_of(start: str | Sequence[float]) -> dict[str, Any]:

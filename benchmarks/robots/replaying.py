@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -32,7 +31,6 @@ from benchmarks.sweeps.sweepfile import check_localizers, params_by_localizer
 from benchmarks.tables import file_words, short_names
 from benchmarks.tables.frames import csv_of
 from benchmarks.trials import Method
-from benchmarks.trials.scoring import Finished
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Trajectory
@@ -79,7 +77,7 @@ def planned(
     """
     usual: dict[str, Any] = {"world.every": OFTEN if "amcl" in localizers else EVERY}
     if nav2:  # records as often, and beams as many, as any file needs
-        usual = nav2[0].world | nav2[0].assumed
+        usual = nav2[0].settings
         usual["world.every"] = tuple(map(min, zip(*(file.every for file in nav2), strict=True)))
         usual["world.max_beams"] = max(file.params["max_beams"] for file in nav2)
     with doing("reading the log and the map"), log_warnings() as reader_warnings:
@@ -96,9 +94,7 @@ def planned(
     replay = calibration.judged_after_part(replay)
     if any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items()):
         replay = calibration.with_fitted_power(replay)
-    sweep = replay_sweep(
-        replay, localizers, particles=particles, seeds=seeds, root=seed, nav2=nav2, own=params
-    )
+    sweep = replay_sweep(replay, methods_of(localizers, particles, params, nav2), seeds, seed)
     check(sweep)
     warnings += warn(gated(sweep, settings.get("world.every")))
     for file in nav2:
@@ -114,22 +110,10 @@ def planned(
     return Planned(replay, sweep, warnings)
 
 
-def replay_sweep(
-    replay: Replay,
-    localizers: Sequence[str],
-    *,
-    particles: int | None,
-    seeds: int,
-    root: int,
-    nav2: Sequence[Amcl],
-    own: Mapping[str, Mapping[str, Any]],
-) -> Sweep:
-    """Return the sweep whose worlds are the runs of each localizer on a log; see ``methods_of``."""
-    if particles is not None:
-        integer("--particles", particles, low=1)
+def replay_sweep(replay: Replay, methods: tuple[Method, ...], seeds: int, root: int) -> Sweep:
+    """Return the sweep whose worlds are the runs of each localizer on a log."""
     integer("--seeds", seeds, low=1, high=10_000)
     integer("--seed", root)
-    methods = methods_of(localizers, particles, own, nav2)
     return Sweep(
         title=f"Replay of {file_names(replay.world['log'])}",
         localizers=methods,
@@ -139,7 +123,7 @@ def replay_sweep(
         assumed=replay.assumed,
         seed=root,
         trials=seeds,
-        baseline=next((method.label for method in methods if method.label), localizers[0]),
+        baseline=next((method.label for method in methods if method.label), methods[0].name),
         takes=lambda _: (),  # each is given its own parameters, and no lag
     )
 
@@ -177,19 +161,11 @@ class ReplayResults:
     """What came of runs on a log; ``str`` of it is what the command prints."""
 
     runs: pd.DataFrame  # a row per run, with its track
+    table: pd.DataFrame  #: results.csv: a row for each localizer
+    trials: pd.DataFrame  #: trials.csv: a row for each run
     results: Results
     text: str
     written: str  # where to
-
-    @cached_property
-    def table(self) -> pd.DataFrame:
-        """results.csv: a row for each localizer."""
-        return tracks_table(self.runs, self.results.table)
-
-    @cached_property
-    def trials(self) -> pd.DataFrame:
-        """trials.csv: a row for each run."""
-        return tracks_trials(self.runs)
 
     def __str__(self) -> str:
         return f"{self.text}\n\n{self.written}".rstrip()
@@ -248,51 +224,46 @@ def run_replay(
     A folder that holds what is not of this sweep is refused; if a run failed, what the others gave
     is written all the same.
     """
-    replay, sweep, drawn = plan.replay, plan.sweep, paged and no_report() is None
-    with begun(sweep, out, options, command) as running:
+    replay, methods, drawn = plan.replay, plan.sweep.localizers, paged and no_report() is None
+    with begun(plan.sweep, out, options, command) as running:
         doubts = [replay.sideways, *calibration.doubts_of(replay.scenario), touches(replay)]
         shown = [*plan.warnings, *warn(doubts)]
         results = running.results()
-        records, failed = dict[str, list[Finished]](), dict[str, int]()
-        for method in sweep.localizers:
-            records[method.shown] = [r for r in results.records if r.trial.method == method]
-            failed[method.shown] = [f.trial.method for f in results.failures].count(method)
+        records = {m.shown: [r for r in results.records if r.trial.method == m] for m in methods}
+        failures = [failure.trial.method for failure in results.failures]
+        failed = {method.shown: failures.count(method) for method in methods}
         runs = runs_frame(records, failed, replay.log)
         if not replay.log.referenced.size and len(done := ended(runs)):
             where = "from the poses that the best run estimates"
             agreed, scanner = max(done["agreement_03"]), replay.log.scanner
             shown += warn([calibration.misfit_words(agreed, where, scanner)])
         wrong = residuals_of(replay, runs) if residuals else None
+        said, facts = [*accuracy(runs), replay.overview], [*replay.facts, *published(runs)]
         with doing(f"writing the report in {out}" if paged else "scoring the runs"):
+            table, trials = tracks_table(runs, results.table), tracks_trials(runs)
             contents = {
-                "results.csv": utf8(csv_of(tracks_table(runs, results.table))),
-                "trials.csv": utf8(csv_of(tracks_trials(runs))),
+                "results.csv": utf8(csv_of(table)),
+                "trials.csv": utf8(csv_of(trials)),
                 **_tracks(replay, runs),
                 **({} if wrong is None else wrong.files(drawn=drawn)),
             }
             if drawn and results.panels:
+                notes, more = [*said, _RUNS], [] if wrong is None else [wrong.part]
                 page = page_files(
-                    results,
-                    Path(),
-                    notes=[*accuracy(runs), replay.overview, _RUNS],
-                    warnings=shown,
-                    facts=[*replay.facts, *published(runs)],
-                    more=[] if wrong is None else [wrong.part],
+                    results, Path(), notes=notes, warnings=shown, facts=facts, more=more
                 )
                 contents["report.html"] = page["report.html"]
             for name in (PICTURE, TABLE):  # of a run with --residuals
                 (out / name).unlink(missing_ok=True)
             files = write_files(out, contents)
-    differences = [table for panel in results.panels if (table := differences_table(panel))]
+    differences = [*filter(None, map(differences_table, results.panels))]
     first, *others = tables_of(runs)
-    texts = [conclusion(results), *accuracy(runs), replay.overview]
-    texts += [] if wrong is None else [wrong.said]
-    texts += [table.text() for table in (first, *differences, *others)]
-    texts += [*replay.facts, *published(runs)]
+    texts = [conclusion(results), *said, *([] if wrong is None else [wrong.said])]
+    texts += [*(each.text() for each in (first, *differences, *others)), *facts]
     names = ", ".join(path.name for path in files if path.parent == out)
     written = [f"Written to {out}: {names} and {_TRACKS}/."] if paged else []
     written += [f"Tables only: {no_report()}"] if paged and not drawn else []
-    return ReplayResults(runs, results, "\n\n".join(texts), "\n\n".join(written))
+    return ReplayResults(runs, table, trials, results, "\n\n".join(texts), "\n\n".join(written))
 
 
 def touches(replay: Replay) -> str | None:
@@ -338,6 +309,7 @@ def methods_of(
         raise InputError(f"--nav2 names a file twice, of {', '.join(files)}: give each once.")
     short, methods, sizes = short_names(files), list[Method](), dict[str, int]()
     if particles is not None:
+        integer("--particles", particles, low=1)
         sizes = dict.fromkeys(("particles", "max_particles"), particles)
         sizes["min_particles"] = min(particles, 500)
     for name in localizers:

@@ -12,8 +12,9 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 import pandas as pd
 
@@ -21,23 +22,28 @@ from benchmarks.report.charts import INK, Chart, styled
 from benchmarks.report.runs import ended
 from benchmarks.report.tables import Part, Table
 from benchmarks.report.tracks import map_axes
-from benchmarks.robots import scan_fits
+from benchmarks.robots.calibration import known_part
 from benchmarks.robots.played import Replay
 from benchmarks.tables import percent
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import Bools, Indices, Reals
+from deqmcl_gym.numerics import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import amount
 
 HIT, THROUGH = "hit in free space", "seen through"
 HEADING = "Where is the map wrong?"
 PICTURE, TABLE = "residuals.png", "residuals.csv"
+_CLEAR = 0.2  # m by which a reading differs from all that the map says from poses nearby
+_SIGMAS = 3.0  # of the lidar's noise, if that is more
+_NEARBY = (0.1, np.radians(2.0))  # m, rad: how far off a pose of a robot that is localized may be
+_CELL = 0.1  # m, or a cell of the map if that is larger
+_APART = 0.5  # m between poses that count as different ones
 _LEAST_POSES, _LEAST_BEAMS, _LEAST_CELLS = 3, 2, 2
 _LEAST_SHARE = 0.5  # of the beams that reach a cell, those that contradict the map
 _EXPLAINED = 0.75  # of the returns of a scan and most scans around it: the robot is not lost
 _AROUND = 10  # scans before and after
-_CELL = 0.05  # m, of a map without cells
+_FINE = 0.05  # m, a cell of a map without cells
 _BLURRED = 0.7  # of a cell: half of what fits is nearer to walls on a sharp map
 _GATHERED = 0.1  # of what does not fit, the share at places that says that things have moved
 _USUAL = 0.01, 0.3  # least and most share of the beams that contradict a map that is right
@@ -62,6 +68,47 @@ class Place(NamedTuple):
     at: Indices  # its cells
 
 
+class _Fit(NamedTuple):
+    """How each beam of scans fits a map, seen from poses, (n, B) each."""
+
+    ranges: Reals
+    expected: Reals  # ∞ where only unknown cells or nothing is met
+    returned: Bools  # reflected within range
+    short: Bools  # that, and clearly less than from every pose nearby
+    long: Bools  # that, and clearly more
+
+    @property
+    def fits(self) -> Bools:
+        """Which beams are returned, and neither short nor long."""
+        return self.returned & ~self.short & ~self.long
+
+
+@dataclass(frozen=True)
+class _Lattice:
+    """Square cells along x and y over a map, counted row by row from its lower left corner."""
+
+    x: float
+    y: float
+    cell: float  # its edge
+    shape: tuple[int, int]  # rows, columns
+
+    def count(self, cells: Indices) -> Indices:
+        """Count the points in each cell, (k,); -1 is none."""
+        return np.bincount(cells[cells >= 0], minlength=math.prod(self.shape))
+
+    def cells(self, points: Floats) -> Indices:
+        """Return the cell of each point (..., 2), -1 outside."""
+        with np.errstate(invalid="ignore"):
+            column, row = np.moveaxis(np.floor((points - [self.x, self.y]) / self.cell), -1, 0)
+            inside = (row >= 0) & (row < self.shape[0]) & (column >= 0) & (column < self.shape[1])
+        return np.where(inside, row * self.shape[1] + column, -1).astype(np.intp)
+
+    def centres(self, cells: Indices) -> Floats:
+        """Return the centres of cells, (n, 2)."""
+        row, column = np.divmod(cells, self.shape[1])
+        return (self.x, self.y) + self.cell * (np.column_stack([column, row]) + 0.5)
+
+
 @dataclass(frozen=True)
 class Residuals:
     """Where a map is wrong, by scans from poses on it, one after the other, (n, 3) and (n, B)."""
@@ -73,44 +120,95 @@ class Residuals:
     whose: str = ""
 
     @cached_property
-    def _fit(self) -> scan_fits.Fit:
-        floor_plan = scan_fits.known_part(self.floor_plan)
-        return scan_fits.Fit.of(floor_plan, self.lidar, self.poses, self.ranges)
+    def _of_all(self) -> _Fit:
+        """How all scans fit; readings without a number are no returns.
+
+        A beam that grazes a wall, or passes its corner, reads something else from 0.1 m beside: a
+        reading contradicts the map if it clearly differs from what is read from all poses nearby.
+        """
+        length, ranges = metre(self.floor_plan.unit), self.ranges
+        near, turn = _NEARBY[0] * length, _NEARBY[1]
+        steps = np.vstack([np.zeros(3), *(sign * np.diag((near, near, turn)) for sign in (-1, 1))])
+        around = (steps[:, None] + self.poses).reshape(-1, 3)
+        seen = self.lidar.ranges(known_part(self.floor_plan), around.T)
+        seen = seen.reshape(len(steps), len(ranges), -1)
+        clear = max(_CLEAR * length, _SIGMAS * self.lidar.sigma)
+        returned = np.isfinite(ranges) & (ranges < self.lidar.max_range)
+        short = returned & (ranges < seen.min(axis=0) - clear)
+        long = returned & (ranges > seen.max(axis=0) + clear)
+        return _Fit(ranges, seen[0], returned, short, long)
 
     @cached_property
     def used(self) -> Bools:
         """Whether the robot is not lost at a scan, by the median share that 21 explain, (n,)."""
-        padded = np.pad(self._fit.explained, _AROUND, constant_values=np.nan)
-        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # no return in any of them
+            warnings.simplefilter("ignore", RuntimeWarning)  # no return in a scan, or in 21
+            explained = self._of_all.fits.sum(axis=1) / self._of_all.returned.sum(axis=1)
+            padded = np.pad(explained, _AROUND, constant_values=np.nan)
+            windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
             return np.asarray(np.nanmedian(windows, axis=1) >= _EXPLAINED)
 
     @cached_property
-    def lattice(self) -> scan_fits.Lattice:
-        """The cells that places are made of."""
-        return scan_fits.Lattice.over(self.floor_plan)
+    def _fit(self) -> _Fit:
+        """How the scans that are used fit."""
+        used: Any = (part[self.used] for part in self._of_all)
+        return _Fit(*used)
+
+    @cached_property
+    def lattice(self) -> _Lattice:
+        """Cells of 0.1 m, or of the map's resolution if that is coarser, over the map."""
+        x0, y0, x1, y1 = self.floor_plan.bounds
+        cell = max(_CELL * metre(self.floor_plan.unit), getattr(self.floor_plan, "resolution", 0.0))
+        rows, columns = (int(np.ceil(side / cell)) + 1 for side in (y1 - y0, x1 - x0))
+        return _Lattice(x0, y0, cell, (rows, columns))
+
+    @cached_property
+    def _rays(self) -> Floats:
+        """Starts and angles in the map of the rays of the scans that are used, (3, n, B)."""
+        poses = self.poses[self.used]
+        rays = np.empty((3, len(poses), self.lidar.beams))
+        for origins, rows in self.lidar.fans(poses.T):
+            rays[:, :, rows] = origins[:, :, None]
+        rays[2] += self.lidar.bearings
+        return rays
+
+    def _points(self, ranges: Reals) -> Floats:
+        """Return the point on each ray so far away, (n, B, 2); NaN for ∞."""
+        x, y, angles = self._rays
+        far = np.where(np.isfinite(ranges), ranges, np.nan)
+        return np.stack([x + far * np.cos(angles), y + far * np.sin(angles)], axis=-1)
+
+    def _passed(self, ranges: Floats) -> Indices:
+        """Count the rays that pass each cell before they are so far, sampled at each cell."""
+        beams, step = ranges > 0, 0
+        start, angle, far = self._rays[:2, beams].T, self._rays[2, beams], ranges[beams]
+        ahead = np.column_stack([np.cos(angle), np.sin(angle)]) * self.lattice.cell
+        passed = np.zeros(math.prod(self.lattice.shape), np.intp)
+        while far.size:
+            passed += self.lattice.count(self.lattice.cells(start + step * ahead))
+            step += 1
+            on = far > step * self.lattice.cell
+            start, ahead, far = start[on], ahead[on], far[on]
+        return passed
 
     @cached_property
     def places(self) -> list[Place]:
         """Where the map is wrong, the place of the most evidence first."""
-        used, fit, length = self.used, self._fit, metre(self.floor_plan.unit)
-        rays = scan_fits.Rays.of(self.lattice, self.lidar, self.poses[used])
-        ranges, expected = self.ranges[used].astype(np.float64), fit.expected[used]
-        returned, short, fits = fit.returned[used], fit.short[used], fit.fits[used]
-        clear = scan_fits.CLEAR * length
-        ends = np.column_stack([points.ravel() for points in rays.points(ranges)])
-        hit = short & scan_fits.known_part(self.floor_plan).free(ends).reshape(short.shape)
+        fit, lattice, length = self._fit, self.lattice, metre(self.floor_plan.unit)
+        ranges, clear = fit.ranges.astype(np.float64), _CLEAR * length
+        ends = self._points(ranges)
+        free = known_part(self.floor_plan).free(ends.reshape(-1, 2))
+        hit = fit.short & free.reshape(ranges.shape)
         solid = self.floor_plan  # all whose unknown cells are free
         solid = replace(solid, unknown="free") if isinstance(solid, GridMap) else solid
-        hit[hit] = solid.distance(ends[hit.ravel()]) > clear
-        walls = rays.cells(expected + 0.25 * self.lattice.cell)  # just inside the wall
+        hit[hit] = solid.distance(ends[hit]) > clear
+        walls = lattice.cells(self._points(fit.expected + 0.25 * lattice.cell))  # just inside them
         with np.errstate(invalid="ignore"):
-            ended_there = fits & (np.abs(ranges - expected) <= clear)
-        passed = rays.passed(np.where(returned, ranges - clear, 0.0))
-        stopped = scan_fits.count(walls[ended_there], self.lattice)
-        numbers = _numbered(self.poses[used], scan_fits.APART * length)
-        seen = {HIT: (rays.cells(ranges), hit, passed), THROUGH: (walls, fit.long[used], stopped)}
+            ended_there = fit.fits & (np.abs(ranges - fit.expected) <= clear)
+        passed = self._passed(np.where(fit.returned, ranges - clear, 0.0))
+        stopped = lattice.count(walls[ended_there])
+        numbers = _numbered(self.poses[self.used], _APART * length)
+        seen = {HIT: (lattice.cells(ends), hit, passed), THROUGH: (walls, fit.long, stopped)}
         places = list[Place]()
         for kind, (cells, against, agreed) in seen.items():
             poses = numbers[np.nonzero(against)[0]]
@@ -121,11 +219,14 @@ class Residuals:
         self, kind: str, cells: Indices, poses: Indices, agreed: Indices
     ) -> Iterator[Place]:
         """Yield places by the cell and the pose of each beam against the map, and what agrees."""
-        against = scan_fits.count(cells, self.lattice)
+        against = self.lattice.count(cells)
         share = against / np.maximum(against + agreed, 1)
         total = max(int(against.sum() + agreed.sum()), 1)
         usual = float(np.clip(int(against.sum()) / total, *_USUAL))
-        labels = self.lattice.groups((against >= _LEAST_BEAMS) & (share >= _LEAST_SHARE))
+        marked = (against >= _LEAST_BEAMS) & (share >= _LEAST_SHARE)
+        image = marked.reshape(self.lattice.shape).astype(np.uint8)
+        wide = cv2.dilate(image, np.ones((3, 3), np.uint8))  # joins what is a cell or two apart
+        labels = np.where(marked, cv2.connectedComponents(wide, connectivity=8)[1].ravel(), 0)
         inside = cells >= 0
         pairs = np.unique(np.column_stack([labels[cells[inside]], poses[inside]]), axis=0)
         for label in range(1, labels.max() + 1):
@@ -147,9 +248,8 @@ class Residuals:
     def said(self) -> str:
         """What was found, in words."""
         kinds = [place.kind for place in self.places]
-        hit = kinds.count(HIT)
         return (
-            f"Where the map is wrong: {amount(hit, 'place')} {HIT}, "
+            f"Where the map is wrong: {amount(kinds.count(HIT), 'place')} {HIT}, "
             f"{kinds.count(THROUGH)} {THROUGH}, by {int(self.used.sum()):,} of "
             f"{len(self.used):,} scans of {self.whose}, the run whose scans agree best with the "
             f"map. {self.spread}"
@@ -158,15 +258,12 @@ class Residuals:
     @property
     def spread(self) -> str:
         """Whether residuals are at walls everywhere, or of things that moved, in words."""
-        fit, ranges, unit = self._fit, self.ranges[self.used], self.floor_plan.unit
-        fits = fit.fits[self.used]
-        if not fits.any():
+        fit, unit = self._fit, self.floor_plan.unit
+        if not fit.fits.any():
             return ""
-        rays = scan_fits.Rays.of(self.lattice, self.lidar, self.poses[self.used])
-        x, y = rays.points(ranges)
-        off = scan_fits.known_part(self.floor_plan).distance(np.column_stack([x[fits], y[fits]]))
-        cell = getattr(self.floor_plan, "resolution", _CELL * metre(unit))
-        blur, against = float(np.median(off)), int((fit.short | fit.long)[self.used].sum())
+        off = known_part(self.floor_plan).distance(self._points(fit.ranges)[fit.fits])
+        cell = getattr(self.floor_plan, "resolution", _FINE * metre(unit))
+        blur, against = float(np.median(off)), int((fit.short | fit.long).sum())
         things = sum(place.beams for place in self.places) / max(against, 1)
         words = "what does not fit is scattered, as people and edges are"
         if blur > _BLURRED * cell:
@@ -198,7 +295,7 @@ class Residuals:
         """Return the first places."""
         unit, listed = self.floor_plan.unit, self.places[:_LISTED]
         columns = {
-            "place": [str(number + 1) for number in range(len(listed))],
+            "place": range(1, len(listed) + 1),
             "kind": [place.kind for place in listed],
             f"x, {unit}": [f"{place.x:.1f}" for place in listed],
             f"y, {unit}": [f"{place.y:.1f}" for place in listed],

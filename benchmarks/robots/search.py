@@ -233,11 +233,8 @@ class Tuning:
 
 def _scores(record: TrialRecord | None) -> dict[str, float]:
     """Return the scores of a run on a log; nothing if it failed."""
-    if record is None:
-        return {}
-    journey = {} if record.journey is None else record.journey.scores
-    track = {} if record.track is None else record.track.scores
-    each = (*journey.items(), *track.items())  # of one name the track's counts
+    parts = (record.journey, record.track) if record else ()  # of one name the track's counts
+    each = chain(*(part.scores.items() for part in parts if part is not None))
     return {name: float(value) for name, value in each if value is not None}
 
 

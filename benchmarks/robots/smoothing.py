@@ -126,10 +126,7 @@ class Smoothed:
         return "; ".join([*words, f"{more} shorter ones"] if more else words)
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Write smoothed.csv, all poses with covariances, and smoothed.tum, those to rely on.
-
-        The latter only without an ``objection``.
-        """
+        """Write smoothed.csv, all poses; without ``objection`` smoothed.tum, those to rely on."""
         reliable = ~self.doubtful
         upper = self.covariances[:, *np.triu_indices(3)]
         rows = np.column_stack([self.log.times, self.poses, upper])
@@ -168,12 +165,11 @@ def smooth(
     if "scan.power" not in replay.assumed:
         power = min(1.0, _INDEPENDENT / replay.log.scanner.beams)
         replay = replace(replay, assumed=replay.assumed | Overrides({"scan.power": power}))
-    paths, evidence = list[Singles](), list[float]()
+    done = list[tuple[Singles, float]]()
     for number, rng in enumerate(np.random.default_rng(seed).spawn(seeds), 1):
         with doing(f"run {number} of {seeds}"):
-            run, log_evidence = _run(replay, particles, rng)
-        paths.append(run)
-        evidence.append(log_evidence)
+            done.append(_run(replay, particles, rng))
+    paths, evidence = zip(*done, strict=True)
     means = np.stack([mean_poses(run) for run in paths])
     off = np.hypot(*(means - means[np.argmax(evidence)])[..., :2].transpose(2, 0, 1))
     counts = np.flatnonzero(np.median(off, axis=1) <= _APART * metre(replay.log.unit))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import compress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,17 +32,6 @@ class Range(Struct, frozen=True, kw_only=True):
     high: _Finite
     log: bool = False
     whole: bool = False
-
-    def check(self, name: str) -> None:
-        """Refuse the range of a parameter if nothing can be drawn from it."""
-        whole = not self.whole or (self.low.is_integer() and self.high.is_integer())
-        ordered = self.low < self.high and (self.low > 0 or not self.log)
-        if not (whole and ordered and self.at(0.0) != self.at(1.0)):
-            raise InputError(
-                f"{name} has low {self.low:.10g} and high {self.high:.10g}, but low must be below "
-                f"high also if rounded to {_DIGITS} digits, with log = true above 0, and with "
-                "whole = true both must be whole: give such a range, or a list of choices."
-            )
 
     def at(self, place: float) -> Value:
         """Return the value at a place from 0 (low) to 1 (high), of three digits."""
@@ -95,7 +85,7 @@ _OF_AMCL: Space = {
     **{f"alpha{i}": _NOISE for i in (1, 2, 3, 4)},
     "laser_model_type": Choice(("likelihood_field", "likelihood_field_prob")),
     "sigma_hit": Range(low=0.03, high=0.5, log=True),
-    "z_hit": Range(low=0.1, high=0.95),  # z_rand is 1 - z_hit: see ``Task.parts``
+    "z_hit": Range(low=0.1, high=0.95),  # z_rand is 1 - z_hit: see ``Task.trial``
     "laser_likelihood_max_dist": Range(low=0.3, high=4.0, log=True),
     "max_beams": Range(low=20, high=180, log=True, whole=True),
     "max_particles": _MANY,
@@ -195,18 +185,22 @@ def _range(name: str, value: Any) -> Range | Choice:
         case {"log": [low, high], **others} if not {"low", "high"} & others.keys():
             value = {**others, "low": low, "high": high, "log": True}
     try:
-        numbers = typed(value, Range)
+        span = typed(value, Range)
     except UnreadableError as error:
         raise InputError(f"{name} {error}, but must be {_FORM}.") from None
-    numbers.check(name)
-    return numbers
+    whole = not span.whole or (span.low.is_integer() and span.high.is_integer())
+    ordered = span.low < span.high and (span.low > 0 or not span.log)
+    if not (whole and ordered and span.at(0.0) != span.at(1.0)):
+        raise InputError(
+            f"{name} has low {span.low:.10g} and high {span.high:.10g}, but low must be below high "
+            f"also if rounded to {_DIGITS} digits, with log = true above 0, and with whole = true "
+            "both must be whole: give such a range, or a list of choices."
+        )
+    return span
 
 
 def latin_hypercube(space: Space, count: int, rng: np.random.Generator) -> list[Overrides]:
-    """Return candidates with, of each parameter, one value in each of ``count`` strips.
-
-    Source: McKay, Beckman & Conover 1979.
-    """
+    """Return candidates with a value of each parameter in each strip (McKay et al. 1979)."""
     strips = rng.permuted(np.tile(np.arange(count), (len(space), 1)), axis=1)
     places: Floats = (strips + rng.random(strips.shape)) / count
     return [
@@ -224,8 +218,5 @@ def neighbour(
     """
     moved = rng.random(len(space)) < 0.5
     moved[rng.integers(len(space))] = True
-    changed = dict(values)
-    for name, move in zip(space, moved.tolist(), strict=True):
-        if move:
-            changed[name] = space[name].near(values.get(name, usual.get(name)), rng)
-    return Overrides(changed)
+    before = {name: values.get(name, usual.get(name)) for name in compress(space, moved)}
+    return Overrides({**values, **{n: space[n].near(value, rng) for n, value in before.items()}})

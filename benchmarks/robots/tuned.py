@@ -33,10 +33,7 @@ _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".
 def write_tuned(
     tuning: Tuning, out: Path, words: Sequence[str], nav2: Path | None, node: str | None
 ) -> str:
-    """Write the folder of a search by a command of these words; return what to print.
-
-    Of the user's ``nav2`` file, other nodes and names are kept.
-    """
+    """Write the folder of a search by a command of these words; return what to print."""
     table = segments_table(tuning)
     best, why_not = _nav2(tuning.task, tuning.best, nav2, node)
     parts = {
@@ -60,10 +57,8 @@ def write_tuned(
         contents[NAV2] = utf8(best)
     if (why := no_report()) is None:
         contents["trade-off.png"] = _trade_off(tuning)
-    files = write_files(out, contents)
-    texts = [*parts.values(), why_not]
-    texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
-    texts.append("" if why is None else f"No picture: {why}")
+    names = ", ".join(path.name for path in write_files(out, contents))
+    texts = [*parts.values(), why_not, f"Written to {out}: {names}.", why and f"No picture: {why}"]
     return "\n\n".join(filter(None, texts))
 
 

@@ -15,10 +15,10 @@ from mcap.reader import make_reader
 from refusals import refused
 from report_cases import trial_of
 
-from benchmarks.report.films import way_of_plan
-from benchmarks.report.laps import check_file, showing, shown_again
+from benchmarks.report.laps import mcap_file, showing, shown_again
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
+from deqmcl_gym.logs.motion import dead_reckoned
 from localizers import best_cluster
 
 FIXED, BYTES = {1: "<d", 5: "<I"}, 2  # wire types
@@ -150,7 +150,8 @@ def test_scans_plans_and_series_are_those_of_the_run(lap):
         np.testing.assert_allclose(ends, expected, atol=1e-5)
         (entity,) = decoded(topics["/H/plan"][step][2]).get(2, [b""])
         lines = decoded(entity).get(11, [])
-        way = way_of_plan(moment.truth, moment.plan) / 50 if len(moment.plan) else np.empty((0, 2))
+        way = dead_reckoned(moment.plan, moment.truth)[:, :2] / 50
+        way = way if len(moment.plan) else way[:0]
         points = [decoded(p) for line in lines for p in decoded(line).get(5, [])]
         drawn = [(one(p, 1, 0.0), one(p, 2, 0.0)) for p in points]
         np.testing.assert_allclose(np.reshape(drawn, (-1, 2)), way, rtol=1e-9)
@@ -240,7 +241,7 @@ def test_a_run_that_is_stopped_leaves_no_file(tmp_path):
 def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with refused("foxglove-sdk", "pip install 'deqmcl-gym[view]'"):
-        check_file(tmp_path / "b.mcap")
+        mcap_file(tmp_path / "b.mcap")
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from test_journey_tables import run
 
 from benchmarks.report import charts, films
 from benchmarks.report.charts import Chart, line, styled, swept_charts
-from benchmarks.report.films import Animation, Camera, Film, films_of, way_of_plan
+from benchmarks.report.films import Animation, Camera, Film, films_of
 from benchmarks.setup.overrides import Overrides
 from benchmarks.tables.frames import errors_by_offset
 from benchmarks.tables.stats import wilson
@@ -74,12 +74,6 @@ def test_the_last_frame_has_the_way_of_the_best_cluster():
     *_, before, last = filmed().frames
     assert has(last, BLUE, (40, 30))
     assert not has(before, BLUE, (40, 30))
-
-
-def test_a_plan_is_laid_from_a_pose_by_turning_before_each_drive():
-    pose, plan = np.array([1.0, 2.0, math.pi / 2]), np.array([[2.0, 0.0], [1.0, -math.pi / 2]])
-    way = way_of_plan(pose, plan)
-    assert way == pytest.approx(np.array([[1, 2], [1, 4], [2, 4]]))
 
 
 def shown(lap):

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.robots.calibration import PART, judged_after_part, with_fitted_power
 from benchmarks.robots.played import replay_of
-from benchmarks.robots.replaying import replay_sweep
+from benchmarks.robots.replaying import methods_of, replay_sweep
 from benchmarks.trials.stage import Stage, attempt, key_of
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of
@@ -66,7 +66,7 @@ def replay(folder):
 def published(replay):
     """The scores of a run of mcl, of the records after those fitted to."""
     own = {"mcl": {"particles": 1000}}
-    sweep = replay_sweep(replay, ["mcl"], particles=None, seeds=1, root=1, nav2=(), own=own)
+    sweep = replay_sweep(replay, methods_of(["mcl"], None, own), 1, 1)
     (trial,) = sweep.distinct()
     return attempt(trial, key_of(trial)).record.track.scores
 
@@ -111,7 +111,7 @@ def largest_errors(tmp_path, cells, name, power, **params):
     told = EVERY | {"assumed.scan.power": power}
     replay = replay_of(tmp_path / "log.npz", tmp_path / "hall.yaml", settings=told)
     own = {name: params}
-    sweep = replay_sweep(replay, [name], particles=1000, seeds=2, root=1, nav2=(), own=own)
+    sweep = replay_sweep(replay, methods_of([name], 1000, own), 2, 1)
     found = []
     for trial in sweep.distinct():
         stage = Stage.of(trial)

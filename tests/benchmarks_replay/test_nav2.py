@@ -74,7 +74,7 @@ def test_every_parameter_is_used_or_named_with_the_reason(params):
     for name in found.params:
         assert found.params[name] == given[name]
     assert "no parameter of Nav2's AMCL" in found.unused["kld_err"]
-    assert (found.assumed["assumed.scan.sigma"], found.every) == (0.15, (0.025, 0.05))
+    assert (found.settings["assumed.scan.sigma"], found.every) == (0.15, (0.025, 0.05))
     assert found.reading == {"max_range": 4.0}
     assert found.start == (2.2, 1.0, 0.1)
     assert found.notes[0].endswith("not used: kld_err (no parameter of Nav2's AMCL)")
@@ -96,8 +96,9 @@ def test_older_names_and_a_least_range_are_read(params):
 def test_the_sweep_file_is_toml_whatever_the_file_is_called_and_however_small_its_numbers(params):
     path = params("update_min_d: 0.1", "update_min_d: 0.00001")
     odd = path.rename(path.with_name("a\nb.yaml"))
-    told = tomllib.loads(sweep_text([read_nav2(odd).source], {}, {"world": read_nav2(odd).world}))
-    assert told["world"]["world"]["every"] == [2.5e-6, 0.05]
+    every = {"every": read_nav2(odd).every}
+    told = tomllib.loads(sweep_text([read_nav2(odd).source], {}, {"world": every}))
+    assert told["world"]["every"] == [2.5e-6, 0.05]
 
 
 def test_what_is_not_given_has_navs_defaults(tmp_path):

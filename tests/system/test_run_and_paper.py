@@ -14,8 +14,7 @@ import pandas as pd
 import pytest
 from deqmcl_command import METHODS, SMALL, exit_code, files, lines, records
 
-from benchmarks.commands import setting_sweep
-from benchmarks.commands.experiments import paper_command
+from benchmarks.commands.experiments import paper_command, setting_sweep
 from benchmarks.sweeps.sweepfile import paper_sweep, sweep_named, sweep_of
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.stage import Stage
