@@ -90,9 +90,7 @@ def quality_of(belief: Belief) -> float | None:
     that is lost.
     """
     quality = getattr(belief, "quality", None)
-    if quality is None or (type(quality) is float and 0.0 <= quality <= 1.0):
-        return quality
-    return number("the belief's quality", quality, low=0, high=1)
+    return None if quality is None else number("the belief's quality", quality, low=0, high=1)
 
 
 class PointsBelief:

@@ -18,7 +18,6 @@ from deqmcl_gym.validation import InputError, number
 # search, how often they are halved, the least it tries, and where it begins
 _COARSEST, _HALVINGS, _NARROWEST = 2.0, 8, -10.0
 _STARTS = (0.0, -6.0, -6.0), (0.0, -1.0, -1.0), (-6.0, 0.0, 0.0)
-_DIGITS = 3  # of what is fitted
 _TINY = 1e-9
 
 
@@ -93,7 +92,7 @@ class Calibration:
             least=_TINY,
         )
         best = at(places[costs.argmin()])
-        return cls(**{name: float(f"{v:.{_DIGITS}g}") for name, v in vars(best).items()})
+        return cls(**{name: float(f"{v:.3g}") for name, v in vars(best).items()})
 
 
 def spread_about(pose: ArrayLike, poses: ArrayLike, weights: ArrayLike) -> Floats:

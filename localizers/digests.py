@@ -22,7 +22,6 @@ from deqmcl_gym.files import UnreadableError, opened
 
 UNREAD = "unread"  # in place of the digest of what is there, but not in a file
 OURS = ("deqmcl_gym", "localizers", "benchmarks")  # results have a digest of their own
-_MADE = {"__pycache__", ".git"}
 _CODE = (
     *("code", "consts", "names", "varnames", "freevars", "cellvars", "flags", "exceptiontable"),
     *("name", "argcount", "posonlyargcount", "kwonlyargcount"),
@@ -44,7 +43,8 @@ def module_digest(place: str) -> str | None:
     if not roots:
         return file_digest(spec.origin) or UNREAD
     files = [(path, path.relative_to(root)) for root in roots for path in sorted(root.rglob("*"))]
-    ours = [(path, name) for path, name in files if path.is_file() and not _MADE & {*name.parts}]
+    made = {"__pycache__", ".git"}
+    ours = [(path, name) for path, name in files if path.is_file() and not made & {*name.parts}]
     return (_digest(ours) if ours else None) or UNREAD
 
 

@@ -22,7 +22,7 @@ from deqmcl_gym.envs.acting import RIGHT
 from deqmcl_gym.envs.vector import ManyEpisodes, checked_mode
 from deqmcl_gym.envs.vector_rooms import Grounds, NormalTable, wide
 from deqmcl_gym.maps import GridMap, Offices
-from deqmcl_gym.maps.clusters import SECTORS
+from deqmcl_gym.maps.clusters import choose_cell, count_cells
 from deqmcl_gym.maps.drive_kernels import drive
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
@@ -213,8 +213,7 @@ class LocalizeVectorEnv(ManyEpisodes):
             self._noise, self._table.logs, self._tables, self._shapes, self._frames,
         )  # fmt: skip
         self._summarize(rooms)
-        collided: Bools = moved[1]
-        return collided
+        return np.asarray(moved[1])
 
     def _summarize(self, rooms: Indices) -> None:
         """Take note of new beliefs."""
@@ -335,85 +334,41 @@ def summarize_rooms(
     """
     n = particles.shape[2]
     sine, cosine = np.empty(n), np.empty(n)
+    places, sector, cell = np.empty((2, n)), np.empty(n, np.intp), np.empty(n, np.intp)
+    near, off = np.empty(n, np.bool_), np.empty(3)
     for room in rooms:
         states, room_weights, mean = particles[room], weights[room], means[room]
         normalize(log_weights[room], room_weights)
         for i in range(n):
             heading = np.float64(states[2, i])
             sine[i], cosine[i] = sin64(heading), cos64(heading)
-        x, y, s, c = 0.0, 0.0, 0.0, 0.0
+        _average(states, sine, cosine, room_weights, mean)
+        spread = covariances[room]
+        spread[:] = 0.0
         for i in range(n):
-            x, y = x + room_weights[i] * states[0, i], y + room_weights[i] * states[1, i]
-            s, c = s + room_weights[i] * sine[i], c + room_weights[i] * cosine[i]
-        mean[0], mean[1], mean[2] = x, y, atan2_64(s, c)
-        spread = np.zeros(6)
-        for i in range(n):
-            dx, dy = states[0, i] - x, states[1, i] - y
-            turn, weight = wrapped64(states[2, i] - mean[2]), room_weights[i]
-            spread[0] += weight * dx * dx
-            spread[1] += weight * dx * dy
-            spread[2] += weight * dx * turn
-            spread[3] += weight * dy * dy
-            spread[4] += weight * dy * turn
-            spread[5] += weight * turn * turn
-        of = covariances[room]
-        of[0, 0], of[1, 1], of[2, 2] = spread[0], spread[3], spread[5]
-        of[0, 1] = of[1, 0] = spread[1]
-        of[0, 2] = of[2, 0] = spread[2]
-        of[1, 2] = of[2, 1] = spread[4]
-        left = np.ones(n, np.bool_)
-        shares[room, 0] = _cluster(states, room_weights, sine, cosine, left, size, best[room])
+            off[0], off[1] = states[0, i] - mean[0], states[1, i] - mean[1]
+            off[2] = wrapped64(states[2, i] - mean[2])
+            for j in range(3):
+                for k in range(3):
+                    spread[j, k] += room_weights[i] * (off[j] * off[k])
+        left = room_weights.copy()
+        count_cells(states, size, np.inf, places, sector, cell)
+        choose_cell(places, sector, cell, left, near)
+        shares[room, 0] = _average(states, sine, cosine, left * near, best[room])
         second[room] = best[room]
-        shares[room, 1] = _cluster(states, room_weights, sine, cosine, left, size, second[room])
+        left[near] = 0.0
+        choose_cell(places, sector, cell, left, near)
+        shares[room, 1] = _average(states, sine, cosine, left * near, second[room])
 
 
 @compiled
-def _cluster(
-    states: Singles,
-    weights: Floats,
-    sine: Floats,
-    cosine: Floats,
-    left: Bools,
-    size: float,
-    mean: Floats,
-) -> float:
-    """Fill in the best cluster of the points that are ``left``, and take it from them.
-
-    Returns its share, 0 if none of them has weight. The rule is that of
-    ``deqmcl_gym.maps.clusters.best_cluster``.
-    """
-    n = states.shape[1]
-    columns, rows, sectors = np.empty(n, np.intp), np.empty(n, np.intp), np.empty(n, np.intp)
-    least_column, least_row, most_column, most_row = 2**62, 2**62, -(2**62), -(2**62)
-    total = 0.0
-    for i in range(n):
-        columns[i] = int(np.floor(np.float64(states[0, i]) / size))
-        rows[i] = int(np.floor(np.float64(states[1, i]) / size))
-        turned = (wrapped64(np.float64(states[2, i])) + np.pi) * (SECTORS / (2 * np.pi))
-        sectors[i] = int(np.floor(turned)) % SECTORS
-        if left[i]:
-            total += weights[i]
-            least_column, most_column = min(least_column, columns[i]), max(most_column, columns[i])
-            least_row, most_row = min(least_row, rows[i]), max(most_row, rows[i])
-    if not total > 0.0:
-        return 0.0
-    height = most_row - least_row + 1
-    counts = np.zeros((most_column - least_column + 1) * height * SECTORS)
-    for i in range(n):
-        if left[i]:
-            cell = (columns[i] - least_column) * height + rows[i] - least_row
-            counts[cell * SECTORS + sectors[i]] += weights[i]
-    heaviest = np.argmax(counts)
-    sector, cell = heaviest % SECTORS, heaviest // SECTORS
-    column, row = cell // height + least_column, cell % height + least_row
-    x, y, s, c, share = 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(n):
-        shift = (sectors[i] - sector + 1) % SECTORS
-        near = left[i] and abs(columns[i] - column) <= 1 and abs(rows[i] - row) <= 1 and shift <= 2
-        if near:
-            left[i] = False
-            share += weights[i]
-            x, y = x + weights[i] * states[0, i], y + weights[i] * states[1, i]
-            s, c = s + weights[i] * sine[i], c + weights[i] * cosine[i]
-    mean[0], mean[1], mean[2] = x / share, y / share, atan2_64(s, c)
-    return share
+def _average(states: Singles, sine: Floats, cosine: Floats, weights: Floats, mean: Floats) -> float:
+    """Fill in the mean pose, unless all weights are 0; return their sum."""
+    x, y, s, c, total = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(weights.size):
+        total += weights[i]
+        x, y = x + weights[i] * states[0, i], y + weights[i] * states[1, i]
+        s, c = s + weights[i] * sine[i], c + weights[i] * cosine[i]
+    if total > 0.0:
+        mean[0], mean[1], mean[2] = x / total, y / total, atan2_64(s, c)
+    return total

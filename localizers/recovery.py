@@ -29,10 +29,8 @@ _CELL = 0.05  # m, of the table on a map of polygons
 _APART = 0.2, math.radians(5)  # m, rad between two scans that are compared
 _MEDIAN = 5  # scans
 _KEPT = 10  # scans that places are searched by
-_RANKED = 3  # of them: by which all poses are ranked
-_MATCHED = 50  # of all poses: the best
-_PLACES = 5  # of these: that run on
-_DISTINCT = 0.5, 0.3  # m, rad
+_MATCHED = 50  # the best of all poses by three of them
+_DISTINCT = 0.5, 0.3  # m, rad between those of these that run on
 _SAME = 1.3, math.radians(40)  # m, rad: a place so near to the belief does not replace it
 _FINE = 0.1, 0.05, 3  # first steps of a matcher, m and rad, and how often they are halved
 _WIDE = 0.5, 0.2, 4
@@ -40,10 +38,7 @@ _MOST = 30  # its steps
 _SPREAD = 0.25, 0.1  # m, rad: SD of the belief that begins where the robot is found
 _SURE = 0.8  # agreement from which on a scan shows the heading
 _DELAYS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0  # s
-_TELLS = 0.05  # rad between turns by the odometry, earlier and later, that tell a delay
-_FARTHEST_OFF = 0.2  # rad: more is a wrong match
 _TURNS, _FADING = 20, 0.98  # turns that are needed, and how fast they are forgotten
-_CLEAR = 1.5
 _NOWHERE = np.empty((0, 3))
 
 
@@ -142,7 +137,7 @@ class ScanDelay:
     def seconds(self) -> float:
         """The delay that explains the latest turns clearly better than none, s; 0 if none does."""
         best = int(self._errors.argmin())
-        clear = self._errors[0] > _CLEAR * self._errors[best]
+        clear = self._errors[0] > 1.5 * self._errors[best]
         return _DELAYS[best] if self._turns >= _TURNS and clear else 0.0
 
     def add(self, time: float, heading: float | None, odometry: Stretch) -> None:
@@ -157,8 +152,8 @@ class ScanDelay:
                 return
             turned.append(after[2] - before[2])
         by = arrays.wrapped(np.array(turned))
-        if np.ptp(by) >= _TELLS:
-            off = np.minimum(np.abs(arrays.wrapped(heading - last[1] - by)), _FARTHEST_OFF)
+        if np.ptp(by) >= 0.05:  # rad: else all delays tell the same
+            off = np.abs(arrays.wrapped(heading - last[1] - by)).clip(max=0.2)  # a wrong match
             self._errors, self._turns = _FADING * self._errors + off, self._turns + 1
 
 
@@ -252,14 +247,14 @@ class Lookout:
         """Find places where the latest scans fit the map, after that of the belief."""
         drawn = random_poses(self.robot.floor_plan, poses, rng, self.robot.radius)
         tried, seen = np.vstack([self.pose, drawn.T]), list(self.seen)
-        some = [seen[k] for k in np.linspace(0, len(seen) - 1, _RANKED).astype(int)]
+        some = [seen[k] for k in np.linspace(0, len(seen) - 1, 3).astype(int)]
         order = np.argsort(-self.agreement.ranked(tried[1:], some), kind="stable")[:_MATCHED]
         matched, height = self.agreement.matched(tried[[0, *(1 + order)]], seen, *_WIDE)
         places, far = [matched[0]], (_DISTINCT[0] * self.agreement.metre, _DISTINCT[1])
         for pose in matched[np.argsort(-height, kind="stable")]:
             if all(_are_apart(place, pose, *far) for place in places):
                 places.append(pose)
-        self.places = np.array(places[: 1 + _PLACES])
+        self.places = np.array(places[:6])  # the first is the belief's
 
 
 def _are_apart(pose: Floats, other: Floats, distance: float, angle: float) -> bool:

@@ -25,9 +25,7 @@ from localizers.models import RobotModel
 from localizers.recovery import Lookout, Relocalization
 
 _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
-_WAITING = 10  # scans that may wait for their odometry
 _MOST = 10_000  # updates that are remembered
-_LATE = 0.2  # s by which stamps of scans are late before they are counted
 _NO_PLAN = np.empty((0, 3))
 _AS_BELIEVED = Calibration()
 
@@ -197,9 +195,18 @@ class Tracker:
         if time <= self._looked_at or time in self._waiting:
             self.counts.late_scans += 1
             return False
-        self._waiting[time] = self._seen(ranges, bearings)
+        if bearings is None:
+            seen = np.array(ranges)
+        elif self.lidar is None:
+            raise InputError(
+                "bearings are given, but the localizer does not say for which lidar it was made: "
+                "give Tracker(…, lidar=…)."
+            )
+        else:
+            seen = resampled(ranges, bearings, self.lidar.bearings)
+        self._waiting[time] = seen
         updated = self._updated()
-        if len(self._waiting) > _WAITING:
+        if len(self._waiting) > 10:
             del self._waiting[next(iter(self._waiting))]
             self.counts.crowded_scans += 1
         return updated
@@ -286,7 +293,7 @@ class Tracker:
                 self.counts.recoveries += 1
                 belief = self.localizer.reset(prior, _NO_PLAN, self.rng)
             agreement = lookout.share
-            self.counts.misdated_scans += lookout.delay.seconds >= _LATE
+            self.counts.misdated_scans += lookout.delay.seconds >= 0.2
         self._updates.append(_Update(time, pose, belief, agreement))
         while len(self._updates) > 1 and self._updates[1].time <= time - self.memory:
             self._updates.popleft()  # the one before that time is what was believed then
@@ -300,17 +307,6 @@ class Tracker:
             return False
         far = _EVERY[0] * pixel(self.unit), _EVERY[1]
         return has_moved(self._scanned[1], pose, *far) and bool(np.isfinite(ranges).any())
-
-    def _seen(self, ranges: Reals, bearings: ArrayLike | None) -> Reals:
-        """Return a scan at the bearings of the localizer's lidar."""
-        if bearings is None:
-            return np.array(ranges)
-        if self.lidar is None:
-            raise InputError(
-                "bearings are given, but the localizer does not say for which lidar it was made: "
-                "give Tracker(…, lidar=…)."
-            )
-        return resampled(ranges, bearings, self.lidar.bearings)
 
     def _begin_stretch(self) -> None:
         """Begin anew with stamps of a clock that was set back; the belief stays."""

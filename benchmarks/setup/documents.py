@@ -100,6 +100,8 @@ def said_from(root: Path) -> Iterator[None]:
 
 def from_folder(folder: Path, path: str) -> str:
     """Return a path from a folder as an absolute one; ~ is the home folder."""
+    if isinstance(path, Placed):
+        return path
     whole, root = os.path.abspath(folder / os.path.expanduser(path)), _ROOT.get()
     if root is None or os.path.isabs(os.path.expanduser(path)):
         return whole

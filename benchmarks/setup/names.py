@@ -13,7 +13,7 @@ from typing import Any
 from benchmarks.agents import AGENTS
 from benchmarks.setup import Agent, documents
 from benchmarks.setup.documents import digest_of_file, from_folder
-from benchmarks.setup.overrides import Named, Overrides, wrappers
+from benchmarks.setup.overrides import Named, Overrides, mapped, wrappers
 from benchmarks.setup.scenario import RoomScenario, Scenario, Thresholds
 from deqmcl_gym.validation import InputError, one_of, part
 from deqmcl_gym.world import WORLDS
@@ -50,7 +50,7 @@ def absolute_reference(kind: Kind, name: str, folder: Path = Path()) -> str:
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
     """Return the name of a scenario, a file's with its path from a folder."""
     if isinstance(name, str) and name.endswith(".toml"):
-        return name if isinstance(name, Placed) else from_folder(folder, name)
+        return from_folder(folder, name)
     return one_of("scenario", name, SCENARIOS, ", or your own as room.toml")
 
 
@@ -68,12 +68,11 @@ def absolute_assumed(assumed: Overrides, folder: Path = Path()) -> Overrides:
     """Return what is assumed with the absolute names of a scan model, or of those varied."""
     if "scan.kind" not in assumed:
         return assumed
-    kind = assumed["scan.kind"]
-    placed = tuple(  # a scenario refuses what is none
-        absolute_reference(SCAN_MODEL, name, folder) if isinstance(name, str) else name
-        for name in (kind if isinstance(kind, tuple) else (kind,))
-    )
-    return assumed | {"scan.kind": placed if isinstance(kind, tuple) else placed[0]}
+
+    def placed(name: Any) -> Any:  # a scenario refuses what is none
+        return absolute_reference(SCAN_MODEL, name, folder) if isinstance(name, str) else name
+
+    return assumed | {"scan.kind": mapped(assumed["scan.kind"], placed)}
 
 
 def make_agent(agent: Named | str, robot: RobotModel) -> Agent:

@@ -157,12 +157,12 @@ def jsonable(value: Any) -> Any:
     return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
-def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
+def mapped(value: Any, change: Callable[[Any], Any]) -> Any:
     """Return a value with all in it changed that is neither a list nor a table."""
     if isinstance(value, list | tuple):
-        return type(value)(_mapped(inner, change) for inner in value)
+        return type(value)(mapped(inner, change) for inner in value)
     if isinstance(value, dict):
-        return type(value)({name: _mapped(inner, change) for name, inner in value.items()})
+        return type(value)({name: mapped(inner, change) for name, inner in value.items()})
     return change(value)
 
 
@@ -173,7 +173,7 @@ def of_json(value: Any) -> Any:
         is_word = isinstance(leaf, str) and leaf.lstrip("'") in _WORDS
         return _WORDS.get(leaf, leaf[1:]) if is_word else leaf
 
-    return _mapped(value, read)
+    return mapped(value, read)
 
 
 def spelt(value: Any) -> str:
@@ -191,12 +191,12 @@ def _absolute(folder: Path, value: Any) -> Any:
 
 def located(value: Any) -> Any:
     """Return a value of a trial with absolute paths in place of those that are said."""
-    return _mapped(value, lambda leaf: leaf.place if isinstance(leaf, Placed) else leaf)
+    return mapped(value, lambda leaf: leaf.place if isinstance(leaf, Placed) else leaf)
 
 
 def renamed(value: Any, names: Mapping[str, str]) -> Any:
     """Return JSON with other texts in place of those that are ``names``."""
-    return _mapped(value, lambda leaf: names.get(leaf, leaf) if isinstance(leaf, str) else leaf)
+    return mapped(value, lambda leaf: names.get(leaf, leaf) if isinstance(leaf, str) else leaf)
 
 
 def wrappers(what: str, value: Any) -> tuple[Overrides, ...]:

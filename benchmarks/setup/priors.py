@@ -21,7 +21,6 @@ from localizers.registry import SCAN_MODEL, ScanPlugIn
 
 Part = TypeVar("Part")
 Rng = np.random.Generator | None  # that of a displaced prior; others draw nothing
-_DIRECTIONS = 1024  # that are drawn to find a free one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +68,7 @@ class Displaced(Gaussian):
             raise InputError("the prior is displaced in a direction that is drawn: give rng.")
         right = super().of(room, start=start)
         x, y, heading = right.mean
-        side, ways = rng.random(), 2 * math.pi * rng.random(_DIRECTIONS)
+        side, ways = rng.random(), 2 * math.pi * rng.random(1024)
         off = np.column_stack([arrays.cos(ways), arrays.sin(ways)])
         around = np.array([x, y]) + self.distance * off
         free = np.flatnonzero(room.floor_plan.free(around, room.radius))

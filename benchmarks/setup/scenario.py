@@ -35,7 +35,6 @@ class Thresholds:
 
 _KINDS: Mapping[str, Any] = {"motion": MOTION_MODELS, "scan": BEAM_MODELS, "prior": PRIORS}
 _PARTS = tuple(part.name for part in fields(World))
-_LENGTHS = ("motion", "scan", "prior", "thresholds")  # what has lengths in the map's unit
 OPEN_LOOP = Named("open-loop")
 
 
@@ -123,8 +122,8 @@ class Scenario(ABC):
         if values := located(Overrides(world)):
             moved = self.in_world(values)
             if (factor := pixel(moved.unit) / pixel(self.unit)) != 1.0:
-                lengths = {name: scaled(getattr(self, name), factor) for name in _LENGTHS}
-                moved = replace(moved, **lengths)
+                names = ("motion", "scan", "prior", "thresholds")
+                moved = replace(moved, **{n: scaled(getattr(self, n), factor) for n in names})
         groups = moved._resolved(Overrides.told("assumed", assumed)).by_part(_KINDS, "assumption")
         parts = {
             part: changed(part, getattr(moved, part), keys, moved.unit, _KINDS[part])

@@ -97,7 +97,6 @@ class Results:
 
 
 _SHOWN = 20  # lines of a kind
-_COMPARED = ("title", "localizers", "agent")  # what pooled folders may differ in
 
 
 def collected(sweep: Sweep, trials: dict[str, Trial], store: Store, made: Manifest) -> Results:
@@ -242,7 +241,8 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
 
 def _worlds(made: Manifest, plug_ins: Collection[str]) -> dict[str, Any]:
     """Return what pooled folders must agree in: all but the title and what is compared."""
-    sweep = {name: value for name, value in made.identity.sweep.items() if name not in _COMPARED}
+    free = ("title", "localizers", "agent")
+    sweep = {name: value for name, value in made.identity.sweep.items() if name not in free}
     vary = sweep.get("vary", ())
     axes = [{n: v for n, v in axis.items() if not n.startswith("agent")} for axis in vary]
     digests = {name: digest for name, digest in made.identity.plug_ins.items() if name in plug_ins}
@@ -273,25 +273,19 @@ def left_out_lines(results: Results, out: Path) -> list[str]:
 
 def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:
     """Say how far a sweep has come, and where that is written."""
-    lines = [f"{sweep.title}: {results.progress}.", *_incomplete(sweep, results)]
+    lines = [f"{sweep.title}: {results.progress}."]
+    if results.failures or results.missing:
+        finished, cells = {record.trial for record in results.records}, []
+        for trials in by_cell(sweep.distinct()).values():
+            done = sum(trial in finished for trial in trials)
+            if done < len(trials):
+                cells.append(f"  {done} of {len(trials)}: {' '.join(trial_words(trials[0]))}")
+        more = [f"  … and {len(cells) - _SHOWN} more"] if len(cells) > _SHOWN else []
+        lines += ["Not complete:", *cells[:_SHOWN], *more]
     if equal := sweep.combinations - sweep.planned:
         lines.append(f"{equal:,} combinations equal others and were run once.")
     names = ", ".join(path.name for path in files if path.parent == out)
     return "\n".join([*lines, f"Written to {out}: {names}."])
-
-
-def _incomplete(sweep: Sweep, results: Results) -> list[str]:
-    """Say of each setting and method how many of its trials are there, unless all are."""
-    if not results.failures and not results.missing:
-        return []
-    finished = {record.trial for record in results.records}
-    lines = []
-    for trials in by_cell(sweep.distinct()).values():
-        done = sum(trial in finished for trial in trials)
-        if done < len(trials):
-            lines.append(f"  {done} of {len(trials)}: {' '.join(trial_words(trials[0]))}")
-    more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
-    return ["Not complete:", *lines[:_SHOWN], *more]
 
 
 def incomplete_sentence(results: Results) -> str:

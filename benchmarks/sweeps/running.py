@@ -207,7 +207,6 @@ def shard_of(text: str) -> tuple[int, int]:
 
 
 _CELLS_SHOWN = 60
-_USUAL = 1000  # particles, where none are named
 
 
 def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None) -> str:
@@ -247,7 +246,7 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
 
 def _seconds(trials: Sequence[Trial], engine: Engine, made: Provenance) -> list[float | None]:
     """Return the seconds of each trial, by those of the first that is alike; None: that fails."""
-    particles = {trial: int(trial.params.get("particles", _USUAL)) for trial in trials}
+    particles = {trial: int(trial.params.get("particles", 1000)) for trial in trials}
     first = {(trial.scenario, trial.localizer): trial for trial in reversed(trials)}
     seconds: dict[tuple[str, str], float | None] = {}  # of one particle
     for trial in (trials[0], *first.values()):  # the first one compiles

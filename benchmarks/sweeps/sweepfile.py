@@ -24,7 +24,6 @@ from deqmcl_gym.validation import InputError, one_of
 from localizers import absolute_name, names, parameters
 from localizers.registry import LOCALIZER
 
-_OF_SCENARIOS = {"words", "env", "prior"}  # keys that only their files have
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
     *("localizers", "world", "assumed", "disturbance", "agent", "params", "vary", "baseline"),
@@ -40,8 +39,8 @@ def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
 
     A scenario has the methods of the paper.
     """
-    is_file = name.endswith(".toml")
-    if is_file and not _OF_SCENARIOS & documents.read_toml(Path(name), "sweep").keys():
+    is_file, of_scenarios = name.endswith(".toml"), {"words", "env", "prior"}
+    if is_file and not of_scenarios & documents.read_toml(Path(name), "sweep").keys():
         return read_sweep(Path(name), added)
     if is_file or (name in SCENARIOS and name not in SUITES):
         setup, methods = absolute_scenario(name), tuple(map(Method, PAPER_METHODS))

@@ -34,7 +34,13 @@ def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Interv
     numbered from 0.
     """
     far, others = (np.bincount(world[trouble == flag], minlength=worlds) for flag in (True, False))
-    wins, pairs = pairs_in_order(values, trouble, world, worlds), far.sum() * others.sum()
+    wins = np.zeros((worlds, worlds))  # pairs of a step in trouble of world i below another of j
+    for j in range(worlds):
+        ordered = np.sort(values[~trouble & (world == j)])
+        low = values[trouble]
+        below = np.searchsorted(ordered, low, "left") + np.searchsorted(ordered, low, "right")
+        wins[:, j] = np.bincount(world[trouble], ordered.size - below / 2, worlds)  # equal: half
+    pairs = far.sum() * others.sum()
     area = float(wins.sum() / pairs) if pairs else math.nan
     if min((far > 0).sum(), (others > 0).sum()) < 2:
         return Interval(area)
@@ -43,17 +49,6 @@ def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Interv
     # sums of halves below 2⁵³: exact, in whatever order they are added
     resampled = ((drawn @ wins) * drawn).sum(axis=1)[each > 0] / each[each > 0]
     return Interval(area, *map(float, np.quantile(resampled, QUANTILES)))
-
-
-def pairs_in_order(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Floats:
-    """Count pairs of a step in trouble of world i below another of j, equal ones half, (W, W)."""
-    wins = np.zeros((worlds, worlds))
-    for j in range(worlds):
-        others = np.sort(values[~trouble & (world == j)])
-        far = values[trouble]
-        below = np.searchsorted(others, far, "left") + np.searchsorted(others, far, "right")
-        wins[:, j] = np.bincount(world[trouble], others.size - below / 2, worlds)
-    return wins
 
 
 def detection(records: Iterable[Finished]) -> dict[str, float]:

@@ -21,9 +21,6 @@ from deqmcl_gym.numerics import Floats
 
 ALPHA = 0.05
 QUANTILES = (1 - 0.95) / 2, (1 + 0.95) / 2  # ends of an interval; 0.025 would change last digits
-_RESAMPLES = 10_000
-_BLOCK = 1_000  # resamples held at once
-_EXACT = 50  # signed ranks whose distribution is counted rather than approximated
 
 
 class Interval(NamedTuple):
@@ -107,7 +104,7 @@ def wilcoxon(differences: Floats) -> float:
     _, place, counts = np.unique(np.abs(nonzero), return_inverse=True, return_counts=True)
     doubled = (2 * np.cumsum(counts) - counts + 1)[place]  # ranks times 2: whole with ties too
     positive = int(doubled[nonzero > 0].sum())
-    if n <= _EXACT:
+    if n <= 50:
         least = min(positive, n * (n + 1) - positive)
         subsets = np.zeros(doubled.sum() + 1, np.int64)  # how many have the sum 0, 1, …
         subsets[0] = 1
@@ -172,8 +169,7 @@ def _middle(blocks: Sequence[Floats], ends: tuple[float, float]) -> tuple[float,
 def _resamples(n: int) -> list[NDArray[np.int32]]:
     """Worlds drawn with replacement, (block, n) each; kept, as many intervals share their n."""
     rng = np.random.default_rng(0)
-    shape = (_BLOCK, n)
-    return [rng.integers(n, size=shape).astype(np.int32) for _ in range(_RESAMPLES // _BLOCK)]
+    return [rng.integers(n, size=(1_000, n)).astype(np.int32) for _ in range(10)]
 
 
 def least_p(worlds: int, tests: int = 1) -> float:

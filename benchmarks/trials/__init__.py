@@ -161,12 +161,12 @@ def changes_of(given: Any) -> None:
     object.__setattr__(given, "disturbance", tuple(map(Overrides, given.disturbance)))
 
 
-# Libraries whose arithmetic or random numbers reach the results.
-_LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
-# All that a trial runs: a new table or report makes no result out of date.
-_OURS = ("setup", "agents", "policies", "trials")
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-PACKAGES = ("deqmcl_gym", "localizers", *(f"benchmarks.{part}" for part in _OURS))
+# All that a trial runs: a new table or report makes no result out of date.
+PACKAGES = (
+    *("deqmcl_gym", "localizers", "benchmarks.setup"),
+    *("benchmarks.agents", "benchmarks.policies", "benchmarks.trials"),
+)
 
 
 Environment = dict[str, str | dict[str, str]]
@@ -248,8 +248,8 @@ def _statements(path: Path) -> bytes:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of the libraries that results depend on."""
-    return {name: version(name) for name in _LIBRARIES}
+    """Return the versions of libraries whose arithmetic or random numbers reach the results."""
+    return {name: version(name) for name in ("numpy", "numba", "pymunk", "gymnasium")}
 
 
 def environment() -> Environment:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.setup.scenario import Thresholds
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import Bools, Floats, Ints, Reals, Singles
+from deqmcl_gym.numerics import Floats, Ints, Reals, Singles
 from deqmcl_gym.numerics.arrays import cholesky, fit
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST, atan2_64, cos64, sin64, sincos32, wrapped64
@@ -201,9 +201,6 @@ def steps_back(poses: Reals, moves: Floats, ends: Ints, out: Singles) -> None:
         start = end
 
 
-_EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
-
-
 # of ``measured``, beside the moments: (k,) each, NaN not available
 COLUMNS = ("energy", "rank", "nees", "log_score", "outlier_share", "wall_share", "wall_step_share")
 
@@ -330,17 +327,13 @@ def measured(clouds: Clouds, task: Surroundings) -> Floats:
     steps_back(clouds.poses, clouds.moves, clouds.ends, before)
     in_walls = ~floor_plan.free(poses, task.radius)
     through = floor_plan.collides(before.T, poses, task.radius)
-    return np.hstack([rows, _weights_of(np.concatenate([in_walls, through]), clouds).T])
-
-
-def _weights_of(chosen: Bools, clouds: Clouds) -> Floats:
-    """Weight of the poses of each cloud that are chosen, for m choices of all poses, (m, k)."""
-    those, n = np.flatnonzero(chosen), clouds.weights.size
+    those, n = np.flatnonzero(np.concatenate([in_walls, through])), clouds.weights.size
     starts = np.concatenate([[0], clouds.ends[:-1]])
-    begins = np.searchsorted(those, np.concatenate([starts + k for k in range(0, chosen.size, n)]))
+    begins = np.searchsorted(those, np.concatenate([starts, starts + n]))
     # each sum begins with 0: none is empty
     padded = np.insert(clouds.weights[those % n], begins, 0.0)
-    return np.add.reduceat(padded, begins + np.arange(begins.size)).reshape(-1, starts.size)
+    sums = np.add.reduceat(padded, begins + np.arange(begins.size)).reshape(2, -1)
+    return np.hstack([rows, sums.T])
 
 
 def _measured(clouds: Clouds, unit: str, far: float, *, fully: bool) -> Floats:
@@ -352,7 +345,7 @@ def _measured(clouds: Clouds, unit: str, far: float, *, fully: bool) -> Floats:
     sound = (np.abs(total - 1) <= SUM_TOLERANCE) & (unsound == 0)
     if not sound.all():
         raise _unsound(clouds.each[int(np.argmin(sound))])
-    if (np.abs(total - 1) > _EXACT).any():  # NumPy's sums are good to 1e-13
+    if (np.abs(total - 1) > 1e-9).any():  # NumPy's sums are good to 1e-13
         weights[:] /= np.repeat(total, np.diff(ends, prepend=0))
         return _measured(clouds, unit, far, fully=fully)
     return out

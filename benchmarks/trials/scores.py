@@ -26,6 +26,7 @@ from benchmarks.trials.tracks import (
     deviation,
     mean,
     middle,
+    rms,
 )
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
@@ -73,41 +74,25 @@ class Estimates:
     @cached_property
     def distance(self) -> Floats:
         """Of the estimate to the truth in (x, y), (k,)."""
-        return position_error(self.means, self.truth)
+        return np.asarray(np.sqrt(np.square(self.means[:, :2] - self.truth[:, :2]).sum(axis=1)))
 
     @cached_property
     def angle(self) -> Floats:
-        """Between the directions of estimate and truth, rad, (k,)."""
-        return heading_error(self.means, self.truth)
+        """Between the direction of the mean (cos θ, sin θ) and the true heading, rad, (k,)."""
+        turned = directions(self.means) - self.truth[:, 2] + math.pi
+        return np.abs(turned % (2 * math.pi) - math.pi)
 
 
 def state_error(means: Floats, truth: Reals) -> Floats:
     """e_t, the norm of (estimate - truth) over (x, y, cos θ, sin θ); the paper's eq. (4), (k,)."""
     x, y, heading = np.asarray(truth, dtype=np.float64).T
     true = np.column_stack([x, y, arrays.cos(heading), arrays.sin(heading)])
-    return _root(np.sum, means - true)
-
-
-def position_error(means: Floats, truth: Floats) -> Floats:
-    """Distance of estimate and truth in (x, y), (k,)."""
-    return _root(np.sum, means[:, :2] - truth[:, :2])
-
-
-def _root(total: Callable[..., Floats], rows: Floats) -> Floats:
-    """Root of the total of each row's squares, scaled by a power of two: none is too large."""
-    _, exponents = np.frexp(np.abs(rows).max(axis=1))
-    squares = np.square(np.ldexp(rows, -exponents[:, None]))
-    return np.ldexp(np.sqrt(total(squares, axis=1)), exponents)
+    return np.asarray(np.sqrt(np.square(means - true).sum(axis=1)))
 
 
 def directions(means: Floats) -> Floats:
     """Headings of the mean (cos θ, sin θ), rad in (-π, π], (k,)."""
     return arrays.arctan2(means[:, 3], means[:, 2])
-
-
-def heading_error(means: Floats, truth: Floats) -> Floats:
-    """Angle between the direction of the mean (cos θ, sin θ) and the true heading, rad, (k,)."""
-    return np.abs((directions(means) - truth[:, 2] + math.pi) % (2 * math.pi) - math.pi)
 
 
 def entropy(variances: Floats, unit: str) -> Floats:
@@ -116,13 +101,7 @@ def entropy(variances: Floats, unit: str) -> Floats:
     The entropy of a Gaussian without correlation; the paper gives no formula.
     """
     floored = np.maximum(variances, covariance_floor(unit)[[0, 1, 2, 2]])  # NaN stays NaN
-    total: Floats = (0.5 * arrays.log(2 * math.pi * math.e * floored)).sum(axis=1)
-    return total
-
-
-def rms(values: Floats) -> float:
-    """Root of the mean square; NaN of nothing."""
-    return float(_root(np.mean, values[None])[0]) if values.size else math.nan
+    return np.asarray((0.5 * arrays.log(2 * math.pi * math.e * floored)).sum(axis=1))
 
 
 LEVELS = (50, 80, 95)  # of the credible regions, per cent

@@ -21,7 +21,6 @@ Count = Annotated[int, Meta(ge=0, le=10**9)]
 Offset = Annotated[int, Meta(ge=-(10**9), le=10**9)]
 
 _ENTRIES = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # of a symmetric matrix, in its upper half
-_UPPER = np.triu_indices(3)
 
 
 class ErrorCurve(Struct, frozen=True):
@@ -67,7 +66,8 @@ class RecordedTrack(Struct, frozen=True, kw_only=True):
         """Return what is kept of a track."""
         track = log.track
         x, y, heading = track.best.T.tolist()
-        spread = [unless_nan(_short(row, 8)) for row in np.asarray(track.spread)[:, *_UPPER].T]
+        upper = np.asarray(track.spread)[:, *np.triu_indices(3)]
+        spread = [unless_nan(_short(row, 8)) for row in upper.T]
         return cls(best=(x, y, heading), scores=_if_finite(log.scores()), spread=spread)
 
     def on(self, log: Log) -> EstimatedTrack:
@@ -125,8 +125,8 @@ def record(trace: Trace) -> TrialRecord:
     if whole is not None and (run := whole.journey(trace)) is not None:
         journey = WholeRun.of(run, journey_scores(run, whole.groups))
     return TrialRecord(
-        unit=trace.unit,
-        thresholds=trace.thresholds,
+        unit=trace.task.floor_plan.unit,
+        thresholds=trace.task.thresholds,
         scores=[_if_finite(row) for row in scores(trace)],
         curves={
             offset: ErrorCurve(int(held.states[0]), unless_nan(_short(held.error)))

@@ -20,13 +20,14 @@ from benchmarks.trials.clouds import (
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import TRACK_GROUPS, Estimates, ScoreGroup, track_scores
 from benchmarks.trials.tracks import (
+    FOUND,
+    NEAR,
     EstimatedTrack,
     Journey,
     columns_of,
     half_turned,
     mean,
     way_driven,
-    weight_near,
 )
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
@@ -42,8 +43,6 @@ _READ = ("feasible", "tempering", "log_evidence")  # of ``PlanReading``
 PLAN_COLUMNS = ("conflict", *_READ, "trusted")
 Measure = Callable[[Clouds], Floats]  # a row for each cloud, (k, c)
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
-_PROFILE_OFFSETS = 4  # on either side of the present
-_BATCH = 16384  # poses measured in one pass: they fit a core's second cache
 
 
 def plan_row(belief: Any, truth: Reals, task: Surroundings) -> list[float]:
@@ -82,7 +81,8 @@ class JourneyLog:
         if self._turned:
             here = np.asarray(step.truth, np.float64)
             there = half_turned(self._map, here[None])[0]
-            row += [weight_near(poses, weights, at, self._map.unit) for at in (here, there)]
+            near = (NEAR[FOUND](poses, at, unit=self._map.unit) for at in (here, there))
+            row += [float(weights[which].sum()) for which in near]
         self._fixes.append(row)
 
     def journey(self, trace: "Trace") -> Journey:
@@ -135,8 +135,8 @@ class TrackLog:
     def scores(self) -> dict[str, float]:
         """Return the scores by records that no journey has; NaN is not available."""
         track, judged = self.track, self._judged
-        by = calibration_of(track, judged)
-        return track_scores(track, judged, by, self._thresholds, self._map)
+        calibration = calibration_of(track, judged)
+        return track_scores(track, judged, calibration, self._thresholds, self._map)
 
     def journey(self, trace: "Trace") -> Journey | None:
         """Return the run that has this trace; None without a reference."""
@@ -165,19 +165,18 @@ class Trace:
         task: Surroundings,
         whole: JourneyLog | TrackLog | None = None,
     ) -> None:
-        self.unit, self.thresholds = task.floor_plan.unit, task.thresholds
-        self.whole = whole
-        asked = tuple(offsets)
+        self.task, self.whole, asked = task, whole, tuple(offsets)
         self.lag = max(map(abs, asked), default=0)  #: L
         self._seconds: list[float] = []  # of the localizer's updates
         self.plans: list[list[float]] = []  #: ``plan_row`` after step t = 0 … T
-        self._task = task
         self.poses: list[Reals] = []  #: the true ones so far
         self.actions: list[Reals | None] = []  #: that led there
         self._ranges: list[Reals] = []
         self._rated: list[float | None] = []
         self._belief: Any = None
-        between = _between(asked, self.lag)
+        apart = max(1, self.lag // 4)  # four on either side of the present
+        farthest = self.lag // apart * apart
+        between = [k for k in range(-farthest, farthest + 1, apart) if k not in asked]
         self._scored = _Beliefs(self, asked, partial(measured, task=task))
         self._sampled = _Beliefs(self, between, belief_moments, PROFILE_STRIDE)
         for step in episode:
@@ -188,7 +187,7 @@ class Trace:
         self.poses.append(step.truth)
         self.actions.append(step.action)
         self._rated.append(quality_of(step.belief))
-        self.plans.append(plan_row(step.belief, step.truth, self._task))
+        self.plans.append(plan_row(step.belief, step.truth, self.task))
         if step.t > 0:
             self._seconds.append(step.seconds)
             self._ranges.append(step.ranges)
@@ -215,8 +214,8 @@ class Trace:
                 truth=self.truth[states],
                 table=table,
                 common=(states >= self.lag) & (states <= self.steps - self.lag),
-                thresholds=self.thresholds,
-                unit=self.unit,
+                thresholds=self.task.thresholds,
+                unit=self.task.floor_plan.unit,
             )
             for offset, (states, table) in self._scored.tables().items()
         }
@@ -243,7 +242,7 @@ class Trace:
     def scans_used(self) -> int:
         """Scans with at least one beam that is a number in [0, max_range]."""
         ranges = np.array(self._ranges, np.float64)
-        usable = (ranges >= 0.0) & (ranges <= self._task.max_range)  # false for NaN
+        usable = (ranges >= 0.0) & (ranges <= self.task.max_range)  # false for NaN
         return int(usable.any(axis=-1).sum())
 
     @property
@@ -278,7 +277,7 @@ class _Beliefs:
         for cloud in self._ahead.pop(step.t, ()):
             self._due.append(cloud)
             self._points += cloud.weights.size
-        if self._points >= _BATCH:
+        if self._points >= 16384:  # they fit a core's second cache
             self._measure_due()
 
     def tables(self) -> dict[int, tuple[Indices, Floats]]:
@@ -299,10 +298,3 @@ class _Beliefs:
             for cloud, row in zip(self._due, self._measure(clouds), strict=True):
                 self._rows[cloud.offset][cloud.state] = row
             self._due, self._points = [], 0
-
-
-def _between(offsets: Sequence[int], lag: int) -> list[int]:
-    """Offsets at equal steps as far as the outermost of those scored, these left out."""
-    step = max(1, lag // _PROFILE_OFFSETS)
-    farthest = lag // step * step
-    return [k for k in range(-farthest, farthest + 1, step) if k not in offsets]

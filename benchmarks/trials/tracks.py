@@ -22,12 +22,7 @@ from deqmcl_gym.numerics.arrays import fits
 
 NEAR = {"05m": Near(0.5, math.radians(10)), "1m": Near(1.0, math.radians(30))}
 FOUND = "1m"  # of NEAR: the one for metres to localize
-LAST = 0.25  # share of a run's steps in which a success is localized throughout
-COMMITTED, FAR = 0.5, 2.0  # a belief of a larger quality commits itself; m: off by more, falsely
 RECOVERED, RECOVERED_STEPS = 0.45, 20  # m; 10 s, of two scans each (Fox, Burgard & Thrun 1999)
-ARRIVED = 0.5  # m from the goal
-_SAMPLE = 4096  # points at which a map is compared with itself
-_ALIKE = 0.998  # of them: a point on a line between cells may fall to either side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +53,7 @@ class Journey:
     @property
     def last(self) -> Bools:
         """Whether a step is one of the last 25 %, (k,)."""
-        return self.steps >= math.floor((1 - LAST) * len(self.truth))
+        return self.steps >= math.floor(0.75 * len(self.truth))
 
     def success(self, near: str) -> float:
         """1 if localized in the last quarter but those ``tolerated``, else 0; NaN: unknown."""
@@ -90,7 +85,7 @@ class Journey:
     @property
     def false(self) -> Bools:
         """Whether the belief commits itself, quality > 0.5, while more than 2 m off, (k,)."""
-        return (self.quality > COMMITTED) & (self.distance > FAR)
+        return (self.quality > 0.5) & (self.distance > 2.0)
 
     def metres_to_recover(self, carried: int) -> float:
         """Metres from the first step after a kidnap to 20 within 0.45 m on end; inf: never."""
@@ -113,7 +108,7 @@ class Journey:
         """Whether it ends within 0.5 m of the goal, without having touched a wall."""
         assert self.goal is not None
         off = math.hypot(*(self.truth[-1, :2] - self.goal))
-        return off <= ARRIVED and not self.collided.any()
+        return off <= 0.5 and not self.collided.any()
 
     @property
     def spl(self) -> float:
@@ -149,15 +144,10 @@ def half_turned(floor_plan: Map, poses: Floats) -> Floats:
 def is_symmetric(floor_plan: Map) -> bool:
     """Whether a half turn about its middle gives the same map; asked at 4,096 points."""
     x0, y0, x1, y1 = floor_plan.bounds
-    points = np.random.default_rng(0).uniform((x0, y0), (x1, y1), (_SAMPLE, 2))
+    points = np.random.default_rng(0).uniform((x0, y0), (x1, y1), (4096, 2))
     turned = np.array([x0 + x1, y0 + y1]) - points
     same = floor_plan.free(points) == floor_plan.free(turned)
-    return float(same.mean()) >= _ALIKE
-
-
-def weight_near(poses: Reals, weights: Floats, pose: Floats, unit: str) -> float:
-    """Return the weight within 1 m and 30° of a pose."""
-    return float(weights[NEAR[FOUND](poses, pose, unit=unit)].sum())
+    return float(same.mean()) >= 0.998  # one on a line between cells may fall to either side
 
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
@@ -173,7 +163,7 @@ class PoseErrors(NamedTuple):
     @property
     def rmse(self) -> float:
         """Root mean square of the translations, evo's first figure; NaN of nothing."""
-        return float(np.sqrt(mean(np.square(self.translation))))
+        return rms(self.translation)
 
 
 def absolute(estimate: Floats, reference: Floats) -> PoseErrors:
@@ -219,8 +209,7 @@ class EstimatedTrack:
     @cached_property
     def known(self) -> Indices:
         """The records with a reference and an estimate, in order."""
-        records: Indices = self.referenced[np.isfinite(self.best[self.referenced, 0])]
-        return records
+        return np.asarray(self.referenced[np.isfinite(self.best[self.referenced, 0])])
 
     @cached_property
     def way(self) -> Floats:
@@ -310,6 +299,11 @@ def calibration_of_gaussians(off: Floats, covariances: Floats, unit: str) -> Flo
 def mean(values: Floats | Bools) -> float:
     """Arithmetic mean; NaN of nothing."""
     return float(values.mean()) if values.size else math.nan
+
+
+def rms(values: Floats) -> float:
+    """Root of the mean square; NaN of nothing."""
+    return math.sqrt(mean(np.square(values)))
 
 
 def middle(values: Floats) -> float:

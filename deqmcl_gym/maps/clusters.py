@@ -84,25 +84,30 @@ def _best(poses: Reals, weights: Floats, unit: str) -> tuple[Cluster, Bools]:
     near: Bools = np.empty(at.shape[1], np.bool_)
     places, sector = np.empty((2, near.size)), np.empty(near.size, np.intp)
     cell = np.empty(near.size, np.intp)
-    if not _count(at, metre(unit), places, sector, cell):  # too far apart, as a plug-in's may be
+    if not count_cells(at, metre(unit), _COUNTED, places, sector, cell):  # a plug-in's may be so
         cells = np.stack([*places, sector])
         cell = np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
-    _choose(places, sector, cell, np.ascontiguousarray(weights, dtype=np.float64), near)
+    choose_cell(places, sector, cell, np.ascontiguousarray(weights, dtype=np.float64), near)
     share = float(weights[near].sum())
     return Cluster(mean_pose(at[:, near].T, weights[near] / share), share), near
 
 
 @compiled
-def _count(at: Floats, size: float, places: Floats, sector: Indices, cell: Indices) -> bool:
-    """Fill in column and row, (2, n), sector and number of each point's cell; False: too many."""
+def count_cells(
+    at: Reals, size: float, most: float, places: Floats, sector: Indices, cell: Indices
+) -> bool:
+    """Fill in column and row, (2, n), sector and number of each point's cell, of edge ``size``.
+
+    False, without the numbers: the points (3, n) are more than ``most`` cells apart.
+    """
     for i in range(sector.size):
         places[0, i], places[1, i] = np.floor(at[0, i] / size), np.floor(at[1, i] / size)
-        turned = (wrapped64(at[2, i]) + np.pi) * (SECTORS / (2 * np.pi))
+        turned = (wrapped64(np.float64(at[2, i])) + np.pi) * (SECTORS / (2 * np.pi))
         sector[i] = np.intp(np.floor(turned)) % SECTORS
     places[0] -= places[0].min()
     places[1] -= places[1].min()
     rows = places[1].max() + 1
-    if not (places[0].max() + 1) * rows * SECTORS <= _COUNTED:
+    if not (places[0].max() + 1) * rows * SECTORS <= most:
         return False
     for i in range(sector.size):
         cell[i] = np.intp(places[0, i] * rows + places[1, i]) * SECTORS + sector[i]
@@ -110,7 +115,9 @@ def _count(at: Floats, size: float, places: Floats, sector: Indices, cell: Indic
 
 
 @compiled
-def _choose(places: Floats, sector: Indices, cell: Indices, weights: Floats, near: Bools) -> None:
+def choose_cell(
+    places: Floats, sector: Indices, cell: Indices, weights: Floats, near: Bools
+) -> None:
     """Fill in which points are in the heaviest cell, the first of equals, or next to it."""
     n, heaviest = cell.size, 0
     table = np.zeros(cell.max() + 1)

@@ -51,7 +51,6 @@ Law = Callable[[Any], str | None]  # of a subject; it may return a remark
 Laws = Mapping[Law, Law | None]  # each with the one that must hold before it is tried
 
 _HALF = DRIVE_STEPS // 2
-_GRACE = 1.0  # s that threads and processes may take to end
 
 
 def answers_in_time(subject: Subject) -> None:
@@ -183,7 +182,7 @@ def nothing_left_running(subject: LocalizerDrive) -> None:
     before = running()
     subject.history()
     gc.collect()
-    until = time.monotonic() + _GRACE
+    until = time.monotonic() + 1.0
     while left := [name for key, name in running().items() if key not in before]:
         if time.monotonic() > until:
             more = f" and {len(left) - 1} more" if left[1:] else ""
@@ -380,9 +379,8 @@ def _turned(plan: Map) -> Map:
 
 
 def _half_turned(poses: Floats) -> Floats:
-    turned: Floats = poses * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 0.0, math.pi])
-    turned[:, 2] = wrapped(turned[:, 2])
-    return turned
+    x, y, heading = poses.T
+    return np.column_stack([-x, -y, wrapped(heading + math.pi)])
 
 
 _OF_BELIEFS = (

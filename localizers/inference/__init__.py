@@ -124,21 +124,6 @@ def _of_actions(what: str, given: ArrayLike, axes: int) -> Floats:
     return values
 
 
-def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:
-    """Return a copy of a scan, (B,); refuse a wrong number of beams. Values are not checked."""
-    try:
-        scan = np.array(ranges, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"the scan is {ranges!r}, but must be numbers, one per beam.") from None
-    if scan.shape != (lidar.beams,):
-        raise InputError(
-            f"the scan has shape {scan.shape}, but this localizer was made for a lidar of "
-            f"{amount(lidar.beams, 'beam')}: give ({lidar.beams},) ranges, "
-            "or make a localizer for this lidar."
-        )
-    return scan
-
-
 def checked_step(
     ranges: ArrayLike, action: ArrayLike, plan: ArrayLike, lidar: Lidar
 ) -> tuple[Scan, Floats, Floats]:
@@ -159,8 +144,17 @@ def checked_step(
             and np.abs(ahead).max(initial=0.0) <= LARGEST_ACTION
         ):
             return _scan(measured, lidar), increments(command), increments(ahead)
-    scan = _scan(checked_scan(ranges, lidar), lidar)
-    return scan, checked_action(action), checked_plan(plan)
+    try:
+        measured = np.array(ranges, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"the scan is {ranges!r}, but must be numbers, one per beam.") from None
+    if measured.shape != (lidar.beams,):
+        raise InputError(
+            f"the scan has shape {measured.shape}, but this localizer was made for a lidar of "
+            f"{amount(lidar.beams, 'beam')}: give ({lidar.beams},) ranges, "
+            "or make a localizer for this lidar."
+        )
+    return _scan(measured, lidar), checked_action(action), checked_plan(plan)
 
 
 def _scan(ranges: Floats, lidar: Lidar) -> Scan:

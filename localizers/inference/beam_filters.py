@@ -7,6 +7,7 @@ the robot must be localized at the start. Evidence (quality, recovery) is that o
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,6 @@ from localizers.models import RobotModel, beam_kernels
 from localizers.models.scan import LidarScan, Scan
 
 JUDGES = 512  # particles, evenly spaced, by which beams are judged
-_SURELY = 0.99  # γ
-_LOCALIZED = 0.9  # least share of the belief in its ``best_cluster`` for dropping beams
 
 
 def judges(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
@@ -53,11 +52,11 @@ def left_out(scan: Scan, dropped: Any) -> Scan:
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceFilter:
-    """Drop a beam if P(o is shorter than the map says) > γ under the belief.
+    """Drop a beam if P(o is shorter than the map says) > 0.99 under the belief.
 
     P = Σ w Φ((ô - o) / σ), ô at most the largest range: people and what is new stand in front of
-    the walls. Longer readings, as of removed walls, are never dropped. While the belief is spread
-    over several places nothing is, as what is short from one place is not from another. In Fox,
+    the walls. Longer readings, as of removed walls, are never dropped. With less than 0.9 of the
+    belief in one place nothing is, as what is short from one place is not from another. In Fox,
     Burgard, Thrun & Cremers 1998 it is the novelty filter.
     """
 
@@ -75,9 +74,9 @@ class DistanceFilter:
         """Return the scan without the beams that are too short; see ``BeamFilter``."""
         poses, weights = judges(states, log_weights)
         unit = self.scan.floor_plan.unit
-        if scan.beams == 0 or best_cluster(poses.T, weights, unit=unit).share < _LOCALIZED:
+        if scan.beams == 0 or best_cluster(poses.T, weights, unit=unit).share < 0.9:
             return scan
-        return left_out(scan, self.shorter(poses, weights, scan) > _SURELY)
+        return left_out(scan, self.shorter(poses, weights, scan) > 0.99)
 
     def shorter(self, poses: States, weights: Weights, scan: Scan) -> Floats:
         """P(o < ô) of each usable beam under weighted poses (3, n), (b,); 0 if all are outside."""
@@ -95,21 +94,13 @@ class DistanceFilter:
         return chance
 
 
-@dataclass(frozen=True)
-class PlaceCells:
-    """Places are cells of size × size, in the map's unit, × turn, rad, a part of the circle."""
-
-    size: float
-    turn: float = 2 * np.pi / 72
-
-    def __call__(self, poses: States) -> Indices:
-        """Return the cell of each pose (3, n), numbered from 0, (n,)."""
-        x, y = (np.floor(np.asarray(poses[i], np.float64) / self.size) for i in (0, 1))
-        sector = np.floor((arrays.wrapped(poses[2]) + np.pi) / self.turn)
-        sectors = round(2 * np.pi / self.turn)
-        x, y = x - x.min(), y - y.min()
-        cell = (x * (y.max() + 1) + y) * sectors + sector % sectors  # whole, as float64
-        return np.unique(cell, return_inverse=True)[1].reshape(-1)
+def place_cells(size: float, poses: States) -> Indices:
+    """Return the cell, size × size × 5°, of each pose (3, n), numbered from 0, (n,)."""
+    x, y = (np.floor(np.asarray(poses[i], np.float64) / size) for i in (0, 1))
+    sector = np.floor((arrays.wrapped(poses[2]) + np.pi) / (2 * np.pi / 72))
+    x, y = x - x.min(), y - y.min()
+    cell = (x * (y.max() + 1) + y) * 72 + sector % 72  # whole, as float64
+    return np.unique(cell, return_inverse=True)[1].reshape(-1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,25 +131,16 @@ class EntropyFilter:
             rows = slice(beam, beam + 1)
             logs[1 + beam] = self.scan.weighed(measured[rows], expected[rows])
         entropy = np.empty(len(logs))
-        place = self.places(poses)
-        entropies(logs, weights, place, np.zeros(int(place.max()) + 1), entropy)
-        return ~(entropy[1:] <= entropy[0] + _EQUAL)
-
-
-_EQUAL = 1e-12  # nats: entropies of different sums of the same
+        entropies(logs, weights, self.places(poses), entropy)
+        return ~(entropy[1:] <= entropy[0] + 1e-12)  # nats: by which equal sums may differ
 
 
 @compiled
-def entropies(
-    log_factors: Floats, weights: Floats, places: Indices, masses: Floats, out: Floats
-) -> None:
-    """Fill in -Σ p log p over places for each row of factors (k, n); inf if no weight is left.
-
-    ``places`` are numbers from 0, (n,); ``masses``, one for each place, are overwritten.
-    """
+def entropies(log_factors: Floats, weights: Floats, places: Indices, out: Floats) -> None:
+    """Fill in -Σ p log p over places (n,) for each row of factors (k, n); inf without weight."""
     for row in range(out.size):
         top = maximum(log_factors[row])
-        masses[:] = 0.0
+        masses = np.zeros(places.max() + 1)
         total, logs = 0.0, 0.0
         for i in range(weights.size if top > -np.inf else 0):
             mass = weights[i] * exp64(log_factors[row, i] - top)
@@ -177,4 +159,4 @@ def beam_filter(name: str, robot: RobotModel) -> BeamFilter | None:
     scan = robot.beam_scan(f"beam_filter = {name!r}")
     if name == "distance":
         return DistanceFilter(scan=scan)
-    return EntropyFilter(scan=scan, places=PlaceCells(5 * pixel(scan.floor_plan.unit)))
+    return EntropyFilter(scan=scan, places=partial(place_cells, 5 * pixel(scan.floor_plan.unit)))

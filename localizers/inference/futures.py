@@ -7,7 +7,6 @@ drawn anew from the present after each scan. A plan may also be an observation, 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -44,6 +43,18 @@ class Rollout:
                 log_g += self.feasibility.log_g(before, states)
             path.append(states)
         return path, log_g.reshape(copies, -1)
+
+    def one(
+        self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
+    ) -> tuple[list[States], LogWeights]:
+        """Draw futures and keep one of each state, with probability ∝ Π g, (d, n) after each step.
+
+        As ``copies`` grow it is a draw from p(x_{t+1:t+F} | x_t, actions) Π g(x_{s-1}, x_s). Return
+        also the log of the mean of Π g, unbiased for h_t(x_t) before the log, (n,).
+        """
+        path, log_g = self.futures(anchor, actions, copies, rng)
+        chosen = _choose(log_g, rng)
+        return [states.take(chosen, axis=1) for states in path], log_mean(log_g)
 
 
 def log_mean(log_values: Floats) -> LogWeights:
@@ -94,15 +105,14 @@ class Redraw:
         if (others := self.pilots - 1) > 0:
             _, drawn = self.rollout.futures(anchor, belief.drawn[shared:], others, rng)
             old = np.vstack([drawn, old])
-        path, new = self.rollout.futures(anchor, actions[shared:held], self.pilots, rng)
+        path, log_new = self.rollout.one(anchor, actions[shared:held], self.pilots, rng)
         log_old = log_mean(old)
         # Where β = inf and every old future collides, the weight is zero already, or the charge
         # was dropped by a weight collapse: either way there is nothing to undo.
-        log_factor = log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
-        chosen = _choose(new, rng)
+        log_factor = log_new - np.where(np.isneginf(log_old), 0.0, log_old)
         redrawn = belief.cut(shared)
         for ahead, states in enumerate(path, start=shared + 1):
-            redrawn = redrawn.appended(states.take(chosen, axis=1), actions[:ahead])
+            redrawn = redrawn.appended(states, actions[:ahead])
         redrawn = redrawn.reweighted(log_factor)
         return redrawn._replace(events=redrawn.events.plus(replanned_steps=1))
 
@@ -118,36 +128,6 @@ def _choose(log_weights: Floats, rng: np.random.Generator) -> Indices:
     chosen = (cumulative <= rng.random(n) * cumulative[-1]).sum(axis=0)
     chosen = np.where(cumulative[-1] > 0, np.minimum(chosen, copies - 1), 0)
     return np.asarray(chosen * n + np.arange(n))
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnFuture:
-    """The states x_{t+1} … x_{t+F} of each particle, rolled out from its present by the plan.
-
-    Of ``copies`` = M roll-outs of each particle one is kept with probability ∝ Π g: a draw from
-    p(x_{t+1:t+F} | x_t, plan) Π g(x_{s-1}, x_s) as M grows. Drawn when it is first asked for.
-    """
-
-    rollout: Rollout
-    present: States  # x_t, (d, n)
-    actions: Actions  # of the plan, (F, k)
-    copies: int
-    rng: np.random.Generator
-
-    @property
-    def log_h(self) -> LogWeights:
-        """Log of the mean of Π g over the roll-outs, unbiased for h_t(x_t) before the log, (n,)."""
-        return self._drawn[1]
-
-    def __call__(self, ahead: int) -> States | None:
-        """Return x_{t+ahead}, (d, n), ahead ≥ 1; None beyond the plan."""
-        return self._drawn[0][ahead - 1].copy() if ahead <= len(self.actions) else None
-
-    @cached_property
-    def _drawn(self) -> tuple[list[States], LogWeights]:
-        path, log_g = self.rollout.futures(self.present, self.actions, self.copies, self.rng)
-        chosen = _choose(log_g, self.rng)
-        return [states.take(chosen, axis=1) for states in path], log_mean(log_g)
 
 
 # Takes in what the plan (h, k) says of the present, at the start and at every step. By
@@ -182,9 +162,9 @@ class Foresight:
         if len(window) == 0:
             return belief
         stream = rng.spawn(1)[0]
-        future = DrawnFuture(self.rollout, belief.present, window, self.copies, stream)
-        belief = belief._replace(foreseen=future)
-        return belief.foreseeing(future.log_h) if self.weighs else belief
+        path, log_h = self.rollout.one(belief.present, window, self.copies, stream)
+        belief = belief._replace(foreseen=path)
+        return belief.foreseeing(log_h) if self.weighs else belief
 
 
 @dataclass(frozen=True, kw_only=True)

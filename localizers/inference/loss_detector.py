@@ -8,7 +8,7 @@ the localizer's own scan model, so errors of that model cancel to first order.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -17,22 +17,21 @@ from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.validation import InputError, digits, number
-from localizers.inference.particles import Actions, States, log_sum_exp
+from localizers.inference.particles import Actions, log_sum_exp
 from localizers.models.prior import even_poses
 from localizers.models.scan import LidarScan, Scan, ScanModel, ScanTable
 
 LOST = 0.01  # probability of getting lost, per step
 FOUND_AGAIN = 0.01  # probability of being found again, per step
 MEMORY = 50  # scans kept: 1 / (LOST + FOUND_AGAIN)
-ANYWHERE = 128  # that represent "somewhere in free space"
 
 
 @compiled
-def _two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> float:
+def _two_states(start: float, log_ratios: Floats) -> float:
     """P(first of two states) by log p(o | second) - log p(o | first); NaN is no information."""
     first = start
     for i in range(log_ratios.size):
-        first = first * stay + (1.0 - first) * enter
+        first = first * (1.0 - LOST) + (1.0 - first) * FOUND_AGAIN
         ratio = log_ratios[i]
         if ratio > 0.0:
             likely = first * exp64(-ratio)
@@ -43,30 +42,11 @@ def _two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> 
 
 
 @dataclass(frozen=True)
-class LostDensity:
-    """p(o | lost): of a robot somewhere in free space, over which ``poses`` are spread, (3, M)."""
-
-    model: ScanModel
-    poses: States
-
-    def log_density(self, scan: Scan) -> float:
-        """Log-density of a scan."""
-        likelihoods = self._log_likelihood(scan)
-        return log_sum_exp(likelihoods) - math.log(likelihoods.size)
-
-    @cached_property
-    def _log_likelihood(self) -> Callable[[Scan], Floats]:
-        """Log-likelihood at the poses; a lidar's rays are cast once, as they never move."""
-        if isinstance(self.model, LidarScan):
-            return ScanTable(self.model, self.poses).log_likelihood
-        return partial(self.model.log_likelihood, self.poses)
-
-
-@dataclass(frozen=True)
 class LossDetector:
     """The evidence for and against a belief."""
 
-    lost: LostDensity  # p(o | lost)
+    # log p(o | x) at poses spread over free space, (M,), whose mean is p(o | lost)
+    anywhere: Callable[[Scan], Floats]
     # log p(o | lost) - log p(o | belief) of the latest ``MEMORY`` scans, oldest first; NaN if
     # either is unknown or both are 0
     log_ratios: Floats = field(default_factory=partial(np.empty, 0))
@@ -76,15 +56,19 @@ class LossDetector:
     @classmethod
     def of(cls, model: ScanModel, floor_plan: Map) -> "LossDetector":
         """Return the detector before the first scan, for a localizer with this scan model."""
-        return cls(LostDensity(model, even_poses(floor_plan, ANYWHERE)))
+        poses = even_poses(floor_plan, 128)
+        if isinstance(model, LidarScan):  # its rays are cast once
+            return cls(ScanTable(model, poses).log_likelihood)
+        return cls(partial(model.log_likelihood, poses))
 
     def scanned(self, scan: Scan, log_evidence: float) -> "LossDetector":
         """Return the detector after one more step; of scans no longer kept only the time counts."""
         log_ratios, start = self.log_ratios, self.start
         if log_ratios.size == MEMORY:
             log_ratios, start = log_ratios[1:], start * (1.0 - LOST) + (1.0 - start) * FOUND_AGAIN
-        ratio = self.lost.log_density(scan) - log_evidence
-        return LossDetector(self.lost, np.append(log_ratios, ratio), start, log_evidence)
+        likelihoods = self.anywhere(scan)
+        ratio = log_sum_exp(likelihoods) - math.log(likelihoods.size) - log_evidence
+        return LossDetector(self.anywhere, np.append(log_ratios, ratio), start, log_evidence)
 
     @property
     def quality(self) -> float:
@@ -93,7 +77,7 @@ class LossDetector:
         q⁻ = q (1 - LOST) + (1 - q) FOUND_AGAIN, then q ∝ q⁻ p(o | belief) and
         1 - q ∝ (1 - q⁻) p(o | lost).
         """
-        return _two_states(self.start, 1.0 - LOST, FOUND_AGAIN, self.log_ratios)
+        return _two_states(self.start, self.log_ratios)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,6 @@ from localizers.inference.particles import (
 from localizers.models.scan import Scan, ScanModel
 
 MAX_PARTICLES = 10_000_000
-_BYTES_PER_PARTICLE = 3 * 4 + 8  # one queued pose and its link
 
 
 def initial_cloud(
@@ -151,7 +150,7 @@ class ParticleFilter:
     def __post_init__(self) -> None:
         if self.particles > MAX_PARTICLES:
             slots = self.past + 1 + self.future
-            gibibytes = self.particles * slots * _BYTES_PER_PARTICLE / 2**30
+            gibibytes = self.particles * slots * (3 * 4 + 8) / 2**30  # a queued pose and its link
             raise InputError(
                 f"particles is {self.particles:,}, which would take {gibibytes:,.0f} GiB; "
                 f"allowed values: 1 to {MAX_PARTICLES:,}."

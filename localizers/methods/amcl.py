@@ -39,9 +39,6 @@ from localizers.models.prior import random_poses
 from localizers.models.scan import ScanModel
 
 DIFFERENTIAL, OMNI = "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"
-_BINS = (0.5, 0.5, math.pi / 18)  # m, m, rad: pf_kdtree.c
-_CONVERGED = 0.5  # m: pf.c
-_NO_ACTIONS = np.empty((0, 3))
 
 
 def has_moved(since: Floats, heading: float, distance: float, angle: float) -> bool:
@@ -111,11 +108,11 @@ class AdaptiveLocalizer:
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
         """Start a new run with the largest cloud; see ``Localizer.reset``. The plan is not used."""
         prior = checked_prior(prior, self.robot)
-        checked_plan(plan)
+        ahead = checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
         cloud = np.ascontiguousarray(prior.sample(self.kld.most, started).T, np.float32)
         even = np.zeros(cloud.shape[1])
-        belief = ParticleBelief(Queue((cloud,)), even, _NO_ACTIONS, detector=self._detector)
+        belief = ParticleBelief(Queue((cloud,)), even, ahead[:0], detector=self._detector)
         self._running = _Running(belief, np.zeros(3), 0.0, self.averages, 0, False, rng)
         return belief
 
@@ -124,8 +121,7 @@ class AdaptiveLocalizer:
         now = require_reset(self._running)
         scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
         since = composed_increment(now.since, command)
-        belief = now.belief
-        belief = belief._replace(events=belief.events.of_scan(scan))
+        belief = now.belief._replace(events=now.belief.events.of_scan(scan))
         if now.updates and not has_moved(since, now.heading, self.distance, self.angle):
             self._running = replace(now, belief=belief, since=since)
             return belief._replace(queue=Queue((moved(belief.present, since),)))
@@ -161,9 +157,7 @@ class AdaptiveLocalizer:
         if count := int(np.count_nonzero(anywhere)):
             drawn[:, anywhere] = random_poses(self.robot.floor_plan, count, now.rng)
         enough = self.kld.enough(drawn)
-        events = belief.events
-        if count:
-            events = events.plus(random_poses=int(np.count_nonzero(anywhere[:enough])))
+        events = belief.events.plus(random_poses=int(np.count_nonzero(anywhere[:enough])))
         poses = np.ascontiguousarray(drawn[:, :enough])
         cloud = belief._replace(
             queue=Queue((poses,)), log_weights=np.zeros(poses.shape[1]), events=events
@@ -173,7 +167,7 @@ class AdaptiveLocalizer:
             now,
             belief=cloud,
             averages=replace(now.averages, slow=0.0, fast=0.0) if share > 0 else now.averages,
-            converged=float(off.max()) * metres_in(self.robot.floor_plan) <= _CONVERGED,
+            converged=float(off.max()) * metres_in(self.robot.floor_plan) <= 0.5,  # m: pf.c
         )
 
 
@@ -291,7 +285,7 @@ def amcl(
             most=max_particles,
             error=pf_err,
             quantile=pf_z,
-            bin_size=(_BINS[0] * metre, _BINS[1] * metre, _BINS[2]),
+            bin_size=(0.5 * metre, 0.5 * metre, math.pi / 18),  # pf_kdtree.c
         ),
         averages=WeightAverages(alpha_slow=recovery_alpha_slow, alpha_fast=recovery_alpha_fast),
         interval=integer("resample_interval", resample_interval, low=1),

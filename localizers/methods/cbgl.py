@@ -24,9 +24,6 @@ from localizers.models import RobotModel
 from localizers.models.scan import Scan
 
 _BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
-_FIRST = 25.0, 0.2  # px (scaled to the map's unit), rad: first steps of the matcher
-_HALVINGS = 6  # of these steps until a pose is matched
-_MOST = 60  # steps of the matcher
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,13 +54,13 @@ class AbsoluteError:
 
         A pose takes the best of six steps, or halves its steps if none is better.
         """
-        step = _FIRST[0] * pixel(self.floor_plan.unit)
+        step = 25.0 * pixel(self.floor_plan.unit)
         poses, error = arrays.compass_search(
             lambda poses: self(poses.T, scan),
             np.array(states, np.float32).T,
-            (step, step, _FIRST[1]),
-            halvings=_HALVINGS,
-            most=_MOST,
+            (step, step, 0.2),
+            halvings=6,
+            most=60,
             moved=_moved,
         )
         return np.ascontiguousarray(poses.T), error
@@ -122,7 +119,12 @@ class FirstFix:
         some = np.ascontiguousarray(states[:, :: (self.poses - 1) // most + 1])
         likelihoods = self.tracker.scan.log_likelihood(some, scan)
         evidence = log_evidence(np.zeros(likelihoods.size), likelihoods, most)
-        cloud = self._around(fixes, rng)
+        n = self.tracker.particles
+        sd = np.array([self.spread, self.spread, self.spread_heading])
+        around = fixes[:, np.arange(n) % fixes.shape[1]]  # in turn
+        cloud = np.ascontiguousarray(
+            around + sd[:, None] * rng.standard_normal((3, n)), self.tracker.dtype
+        )
         fixed = belief._replace(
             queue=Queue((cloud,)), log_weights=np.zeros(cloud.shape[1]), fixed=True
         )
@@ -136,15 +138,6 @@ class FirstFix:
         chosen = chosen[np.isfinite(error[chosen])]
         poses, error = self.error.matched(states[:, chosen], scan)
         return poses[:, np.argsort(error, kind="stable")[: self.modes]]
-
-    def _around(self, fixes: Singles, rng: np.random.Generator) -> States:
-        """Particles around poses in turn, (3, N)."""
-        n = self.tracker.particles
-        sd = np.array([self.spread, self.spread, self.spread_heading])
-        centres = fixes[:, np.arange(n) % fixes.shape[1]]
-        return np.ascontiguousarray(
-            centres + sd[:, None] * rng.standard_normal((3, n)), self.tracker.dtype
-        )
 
 
 @method(*mcl.takes, "beta", *ON_THE_MAP, "recovery_alpha_slow", "recovery_alpha_fast")

@@ -119,8 +119,7 @@ def correct(
 def covariance_of(offsets: Floats) -> Floats:
     """Return the mean products of offsets (d, n) from a mean, (d, d)."""
     rows = np.ascontiguousarray(offsets)
-    products: Floats = (rows[:, None] * rows).mean(axis=2)
-    return products
+    return np.asarray((rows[:, None] * rows).mean(axis=2))
 
 
 POINTS = 512
@@ -137,18 +136,15 @@ def gaussian_points(mean: Floats, covariance: Floats) -> Floats:
     Fixed points that look standard normal, in pairs ±z, through the Cholesky factor: six sigma
     points lie on one ellipsoid, so that coverage, which counts points inside, would mean nothing.
     """
-    root = cholesky(covariance)
     x, y, z = _standard_points()
-    offsets = [row[0] * x + row[1] * y + row[2] * z for row in root]
-    poses: Floats = mean + np.stack(offsets, axis=1)
-    return poses
+    offsets = [row[0] * x + row[1] * y + row[2] * z for row in cholesky(covariance)]
+    return np.asarray(mean + np.stack(offsets, axis=1))
 
 
 def sigma_points(mean: Floats, covariance: Floats) -> Floats:
     """Return the six poses μ ± √3 L_i, equally weighted, of this mean and covariance, (3, 6)."""
     root = cholesky(covariance)
-    poses: Floats = mean[:, None] + math.sqrt(3) * np.hstack([root, -root])
-    return poses
+    return np.asarray(mean[:, None] + math.sqrt(3) * np.hstack([root, -root]))
 
 
 @lru_cache(maxsize=1)
@@ -167,7 +163,6 @@ def _standard_points() -> Floats:
     return points
 
 
-PRIOR_DRAWS = 10_000  # from which the prior's covariance is taken
 # Half-widths of the central differences: px (scaled to the map's unit), px, rad. Above the float32
 # resolution of the ray cast, below the size of walls.
 _STEPS = np.array([1.0, 1.0, 0.01])
@@ -220,8 +215,13 @@ class KalmanFilter:
     detector: LossDetector
 
     def initial(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> GaussianBelief:
-        """Return the Gaussian of the prior's moments. The plan is not used."""
-        return GaussianBelief(*_gaussian(prior, rng.spawn(1)[0]), self.detector)
+        """Return the Gaussian of the prior's mean, or that of its draws, and their covariance."""
+        draws = np.asarray(prior.sample(10_000, rng.spawn(1)[0]), dtype=np.float64)
+        even = np.full(len(draws), 1 / len(draws))
+        mean = np.array(mean_pose(draws, even) if prior.mean is None else prior.mean, np.float64)
+        offsets = draws - mean
+        offsets[:, 2] = arrays.wrapped(offsets[:, 2])
+        return GaussianBelief(mean, covariance_of(offsets.T), self.detector)
 
     def step(
         self,
@@ -239,9 +239,7 @@ class KalmanFilter:
         likelihoods = self.scan.log_likelihood(predicted, scan)
         detector = belief.detector.scanned(scan, log_evidence(np.zeros(6), likelihoods, 6))
         gated, unpredicted = self._corrected(mean, covariance, scan)
-        events = belief.events
-        if gated or unpredicted:
-            events = events.plus(gated_beams=gated, unpredicted_beams=unpredicted)
+        events = belief.events.plus(gated_beams=gated, unpredicted_beams=unpredicted)
         mean[2] = float(arrays.arctan2(arrays.sin(mean[2]), arrays.cos(mean[2])))
         return GaussianBelief(mean, covariance, detector, events)
 
@@ -292,16 +290,6 @@ def ekf(
         detector=LossDetector.of(scan, robot.floor_plan),
     )
     return FilterLocalizer(robot, kalman)
-
-
-def _gaussian(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Mean of a prior, or of its draws, and covariance; headings as differences in [-π, π]."""
-    draws = np.asarray(prior.sample(PRIOR_DRAWS, rng), dtype=np.float64)
-    even = np.full(len(draws), 1 / len(draws))
-    mean = np.array(mean_pose(draws, even) if prior.mean is None else prior.mean, np.float64)
-    offsets = draws - mean
-    offsets[:, 2] = arrays.wrapped(offsets[:, 2])
-    return mean, covariance_of(offsets.T)
 
 
 _KEPT = 10_000  # poses, at least

@@ -28,7 +28,6 @@ from localizers.models.scan import LidarScan, Scan, ScanTable, normal_pdf
 
 EMPTY_CELL = 1e-140  # of less: below the normal numbers arithmetic takes 100 times as long
 _MAX_BYTES = 2**30
-_MOST_HEADINGS = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +45,7 @@ class PoseGrid:
 
     def __post_init__(self) -> None:
         number("cell", self.cell, low=0, above=True)
-        integer("headings", self.headings, low=4, high=_MOST_HEADINGS)
+        integer("headings", self.headings, low=4, high=100_000)
         keep_plain(self)
         cells = math.prod(self.shape)
         if cells * self.bytes_per_cell > _MAX_BYTES:
@@ -85,16 +84,6 @@ class PoseGrid:
         heading, row, column = np.unravel_index(chosen, self.shape)
         headings, ys, xs = self.axes
         return np.stack([xs[column], ys[row], headings[heading]]).astype(np.float32)
-
-    def cell_of(self, pose: tuple[float, float, float]) -> int | None:
-        """Index of the cell a pose is in; None outside."""
-        headings, ys, xs = self.axes
-        column = round((pose[0] - float(xs[0])) / self.cell)
-        row = round((pose[1] - float(ys[0])) / self.cell)
-        heading = round((pose[2] - float(headings[0])) / self.heading_step) % self.headings
-        if not (0 <= row < ys.size and 0 <= column < xs.size):
-            return None
-        return (heading * ys.size + row) * xs.size + column
 
 
 @compiled
@@ -238,8 +227,6 @@ def _nodes(mean: float, sd: float, cell: float, reach: float) -> tuple[Floats, F
 
 LEAST_SHARE = 1e-9  # of the heaviest cell's weight: lighter cells are left out of ``points``
 MOST_POINTS = 20_000
-_UNSEEN = -20.0  # log of the prior's mass on the grid: below, the points missed it
-_WORKING_BYTES = 100  # per cell: four float64 masses, poses, what a prior is integrated with
 
 
 class GridBelief(NamedTuple):
@@ -323,7 +310,8 @@ def grid(
         bounds=robot.floor_plan.bounds,
         cell=5 * pixel(robot.floor_plan.unit) if cell is None else cell,
         headings=headings,
-        bytes_per_cell=_WORKING_BYTES + 4 * robot.lidar.beams,
+        # four float64 masses, poses, what a prior is integrated with; ranges
+        bytes_per_cell=100 + 4 * robot.lidar.beams,
     )
     motion = GridMotion(cells, odometry(robot.motion, "grid"))
     scan = robot.beam_scan("the localizer 'grid'")
@@ -343,20 +331,22 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
     top = logs.max()
     mass = arrays.exp(logs - top).sum(axis=0) if np.isfinite(top) else np.zeros(len(centres))
     volume = grid.cell**2 * grid.heading_step / len(corners)
-    if not top + float(arrays.log(max(mass.sum() * volume, 1e-300))) > _UNSEEN:
+    if not top + float(arrays.log(max(mass.sum() * volume, 1e-300))) > -20.0:
         mass[:] = 0.0
         if prior.mean is None:
             raise InputError(
                 f"the prior {prior!r} has neither a mean nor mass in any cell: give another prior, "
                 "or smaller cells."
             )
-        at = grid.cell_of(prior.mean)
-        if at is None:
+        off = np.abs(centres - np.array(prior.mean))
+        off[:, 2] = np.abs(arrays.wrapped(off[:, 2]))
+        cells = (off / (2 * half)).max(axis=1)  # from the mean, in halves of them
+        if not cells.min() <= 1.001:
             raise InputError(
                 f"the prior's mean is {tuple(prior.mean)}, but must lie on the floor plan, "
                 f"which spans {grid.bounds}."
             )
-        mass[at] = 1.0
+        mass[cells.argmin()] = 1.0
     with np.errstate(under="ignore"):
         shares: Floats = mass / mass.sum()
     shares[shares < EMPTY_CELL] = 0.0

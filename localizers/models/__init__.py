@@ -73,7 +73,7 @@ class RobotModel:
         """Return p(o_t | x_t, m) of whole scans, made for the map and the lidar."""
         if isinstance(self.scan, ScanSource):
             return self.scan.made(self.floor_plan, self.lidar)
-        return self._by_beams(self.scan)
+        return self.beam_scan("scan_model")
 
     def beam_scan(self, asked_by: str) -> LidarScan:
         """Return the scan model, a product over beams; refuse one of whole scans to who asks."""
@@ -82,7 +82,4 @@ class RobotModel:
                 f"{asked_by} looks at single beams, but the scan model {self.scan} tells only of "
                 "whole scans: use a particle filter without a beam_filter, or another scan model."
             )
-        return self._by_beams(self.scan)
-
-    def _by_beams(self, beam: BeamDensity) -> LidarScan:
-        return LidarScan(floor_plan=self.floor_plan, lidar=self.lidar, beam=beam)
+        return LidarScan(floor_plan=self.floor_plan, lidar=self.lidar, beam=self.scan)

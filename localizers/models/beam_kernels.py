@@ -15,7 +15,6 @@ from deqmcl_gym.numerics.elementary import exp64, logs64
 _Scalar = Any  # a float64 inside a kernel
 _POSES = 512  # looked at in one go
 _FEW = 64  # the same where much is kept for each
-_MOST_CUT = 512  # beams of which small shares are left out: 2^512 is 1e154
 _FOLD = 16  # beams multiplied before a logarithm is taken, …
 _LEAST, _MOST = 1e-19, 1e19  # … where densities lie between: so the product is a normal float64
 _FARTHEST = 39.0  # standard deviations: from there on the normal density is 0
@@ -163,8 +162,8 @@ def latent_share(
     rarest = min(a, b) / (a + b + beams)  # of an urn's draws
     together = fold(rarest, 1.0)
     # Left out are shares that no later beam can raise to 1e-40 of the whole, E[u^B] being at least
-    # rarest / 2^B: subnormal numbers would take ten times as long.
-    tiny, least = 1e-40 * rarest, 1e-200 if together > 1 and beams <= _MOST_CUT else 0.0
+    # rarest / 2^B, 1e-154 of 512 beams: subnormal numbers would take ten times as long.
+    tiny, least = 1e-40 * rarest, 1e-200 if together > 1 and beams <= 512 else 0.0
     few = min(n, _FEW)
     urn = np.empty((beams + 1, few))
     hit, miss, part, power = np.empty(few), np.empty(few), np.empty(few), np.empty(few)

@@ -86,9 +86,6 @@ def plan_path(plan: Floats) -> Singles:
     return path
 
 
-_OF_METRE = 10.0  # cost_scaling_factor, Nav2's default
-
-
 @final
 @dataclass(frozen=True, kw_only=True)
 class CostMap:
@@ -122,7 +119,7 @@ class CostMap:
     def falloff(self) -> float:
         """``cost_scaling_factor``, or its default."""
         if self.cost_scaling_factor is None:
-            return _OF_METRE * PIXELS["m"] / pixel(self.floor_plan.unit)
+            return 10.0 * PIXELS["m"] / pixel(self.floor_plan.unit)
         return self.cost_scaling_factor
 
     def log_g(self, before: Singles, after: Singles) -> Floats:

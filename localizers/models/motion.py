@@ -19,10 +19,8 @@ from deqmcl_gym.validation import InputError, number
 
 _HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
 _TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
-_ROUNDS = 50  # of the fit of two numbers, which has converged long before
 LEAST_STEPS = 10  # to fit to
 SHARE, WITHIN = 0.99, 2.5758  # so much of a normal distribution lies within so many σ
-_ROUNDS_OF_MANY = 500  # of the fit of several numbers
 _TINY = 1e-12  # a variance: of (10⁻⁶ rad)², or as small a length
 
 
@@ -154,7 +152,7 @@ class OdometryMotion:
         scale = np.sqrt(np.square(missed_turn).mean())
         best = (scale / max(turned.mean(), 1e-9), scale / max(driven.mean(), 1e-9))
         width = 100.0
-        for _ in range(_ROUNDS):
+        for _ in range(50):  # it has converged long before
             below = arrays.exp(np.linspace(-1, 0, 4) * arrays.log(width))
             factors = np.concatenate([below, 1 / below[-2::-1]])  # from 1 / width to width
             tried = [(best[0] * a, best[1] * b) for a in factors for b in factors]
@@ -224,7 +222,7 @@ def most_likely(errors: Floats, features: Floats) -> tuple[float, ...]:
     used = features.max(axis=1, initial=0.0) > 0
     alphas = np.zeros(len(features))
     alphas[used] = square.mean() / features[used].mean(axis=1) if errors.size else 0.0
-    for _ in range(_ROUNDS_OF_MANY):
+    for _ in range(500):
         variance = np.maximum(_mixed(alphas, features), _TINY)
         above = (features * (square / variance**2)).sum(axis=1)
         below = np.maximum((features / variance).sum(axis=1), _TINY)
@@ -242,5 +240,4 @@ def excess(alphas: tuple[float, ...], errors: Floats, features: Floats) -> float
 
 def _mixed(alphas: Floats, features: Floats) -> Floats:
     """Σ α_j f_j, (k,), without BLAS, whose last bits depend on the processor."""
-    mixed: Floats = (alphas[:, None] * features).sum(axis=0)
-    return mixed
+    return np.asarray((alphas[:, None] * features).sum(axis=0))

@@ -131,10 +131,20 @@ class DistanceTable(NamedTuple):
             cosine, sine = float(arrays.cos([yaw])[0]), float(arrays.sin([yaw])[0])
             frame = (float(x), float(y), cosine, sine, float(floor_plan.resolution))
             squares = np.rint(np.square(to_nearest(floor_plan.occupied)))
-        else:
-            distances, frame = _of_polygons(floor_plan, farthest, cell)
-            squares = np.square(distances / np.float32(cell))
-        return cls(np.ascontiguousarray(squares, np.float32), frame)
+            return cls(np.ascontiguousarray(squares, np.float32), frame)
+        x0, y0, x1, y1 = floor_plan.bounds
+        sides = x1 - x0 + 2 * farthest, y1 - y0 + 2 * farthest
+        columns, rows = (math.ceil(side / cell - 1e-9) for side in sides)
+        if columns * rows > MOST_CELLS:
+            raise InputError(
+                f"field_cell makes a table of {columns * rows:,} cells of {cell:g} "
+                f"{floor_plan.unit}, but at most {MOST_CELLS:,} are allowed: give larger cells."
+            )
+        left, low = x0 - farthest, y0 - farthest
+        xs, ys = left + cell * (np.arange(columns) + 0.5), low + cell * (np.arange(rows) + 0.5)
+        points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+        squares = np.square(floor_plan.distance(points).reshape(rows, columns) / np.float32(cell))
+        return cls(np.ascontiguousarray(squares, np.float32), (left, low, 1.0, 0.0, float(cell)))
 
     def at_ends(self, origins: Singles, ranges: Floats, bearings: Floats) -> Singles:
         """Squares at the cell that each beam ends in, inf off the table, (B, n)."""
@@ -142,24 +152,6 @@ class DistanceTable(NamedTuple):
         out = np.empty((ranges.size, origins.shape[1]), np.float32)
         table_at_ends(starts, ranges, bearings, self.squares, self.frame, out)
         return out
-
-
-def _of_polygons(
-    floor_plan: Map, farthest: float, cell: float
-) -> tuple[Singles, tuple[float, float, float, float, float]]:
-    x0, y0, x1, y1 = floor_plan.bounds
-    sides = x1 - x0 + 2 * farthest, y1 - y0 + 2 * farthest
-    columns, rows = (math.ceil(side / cell - 1e-9) for side in sides)
-    if columns * rows > MOST_CELLS:
-        raise InputError(
-            f"field_cell makes a table of {columns * rows:,} cells of {cell:g} {floor_plan.unit}, "
-            f"but at most {MOST_CELLS:,} are allowed: give larger cells."
-        )
-    left, low = x0 - farthest, y0 - farthest
-    xs, ys = left + cell * (np.arange(columns) + 0.5), low + cell * (np.arange(rows) + 0.5)
-    points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-    distances = floor_plan.distance(points).reshape(rows, columns)
-    return distances, (left, low, 1.0, 0.0, float(cell))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,11 +185,9 @@ class _Field:
 
     def informative(self, ranges: Floats) -> Bools:
         """Which beams of a scan count, (B,): looked at, and shorter than the largest range."""
-        counted: Bools = np.zeros(ranges.size, np.bool_)
-        counted[:: self.step] = True
         # NaN is neither; a range below 0 is one below the sensor's least, which Nav2 takes for none
-        counted &= (ranges >= 0.0) & (ranges < self.lidar.max_range)
-        return counted
+        short = (ranges >= 0.0) & (ranges < self.lidar.max_range)
+        return np.asarray(short & (np.arange(ranges.size) % self.step == 0))
 
     def squares(self, states: Singles, ranges: Floats) -> Singles:
         """Squared distances, in cells of the table, at the ends of the beams that count, (b, n)."""
@@ -301,10 +291,8 @@ class BeamCubes:
 
     def informative(self, ranges: Floats) -> Bools:
         """Which beams of a scan count, (B,): looked at, and numbers."""
-        counted: Bools = np.zeros(ranges.size, np.bool_)
-        counted[:: _every(self.lidar.beams, self.max_beams)] = True
-        counted &= ~np.isnan(ranges)
-        return counted
+        step = _every(self.lidar.beams, self.max_beams)
+        return np.asarray(~np.isnan(ranges) & (np.arange(ranges.size) % step == 0))
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log w of each pose (3, n) of the robot for a scan, (n,)."""

@@ -18,7 +18,6 @@ from localizers.api import Prior
 
 _BLOCK = 1024
 _COUNTED = 16 * _BLOCK  # points at which free space is measured
-_RARE = 1 / 64  # share of open cells below which poses are drawn in these only
 _MOST = 2**20  # poses drawn in vain
 # Powers of the inverse of the root of g⁴ = g + 1: the additive recurrence of lowest known
 # discrepancy in three dimensions (Roberts 2018).
@@ -137,8 +136,7 @@ def _first(
 
 
 def _even_shares(start: int, count: int = _BLOCK) -> Floats:
-    shares: Floats = (0.5 + np.arange(start, start + count)[:, None] * _STEPS) % 1.0
-    return shares
+    return np.asarray((0.5 + np.arange(start, start + count)[:, None] * _STEPS) % 1.0)
 
 
 def _free(
@@ -161,13 +159,12 @@ def _free(
 def _within(bounds: Box, shares: Floats) -> Floats:
     x0, y0, x1, y1 = bounds
     low, high = np.array([x0, y0, -np.pi]), np.array([x1, y1, np.pi])
-    poses: Floats = low + (high - low) * shares
-    return poses
+    return np.asarray(low + (high - low) * shares)
 
 
 def _is_rare(floor_plan: Map) -> TypeGuard[GridMap]:
-    """Whether free space is a small part of the cells of a grid."""
-    return isinstance(floor_plan, GridMap) and floor_plan.open_share < _RARE
+    """Whether so few cells of a grid are open that poses are drawn in these only."""
+    return isinstance(floor_plan, GridMap) and floor_plan.open_share < 1 / 64
 
 
 _SD_IN_PX = 10.0
@@ -254,15 +251,14 @@ class UniformPrior:
 
         Exact for a region that is free all over, else to about one percent, by even points.
         """
-        if self.region is None:
-            if _is_rare(plan := self.floor_plan):
-                width, height = len(plan.open_cells) * plan.resolution, plan.resolution
-            else:
-                x0, y0, x1, y1 = plan.bounds
-                width, height = x1 - x0, y1 - y0
-            density = 1 / (self._share * width * height * 2 * math.pi)
+        if self.region is not None:
+            area = self.region.area
+        elif _is_rare(plan := self.floor_plan):
+            area = len(plan.open_cells) * plan.resolution**2
         else:
-            density = 1 / (self._share * self.region.area * 2 * math.pi)
+            x0, y0, x1, y1 = plan.bounds
+            area = (x1 - x0) * (y1 - y0)
+        density = 1 / (self._share * area * 2 * math.pi)
         free = self.floor_plan.free(poses, self.radius)
         if self.region is not None:
             free &= self.region.contains(np.asarray(poses, dtype=np.float64))

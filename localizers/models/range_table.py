@@ -22,7 +22,6 @@ Codes = NDArray[np.uint8]  # of ranges, in steps; the last is of readings at the
 _LAST = 255  # … or of cells without free ground
 _DIRECTIONS = 64  # a power of 2
 _MOST = 2**26  # bytes of a table; it takes some 16 times as much while it is made
-_BEYOND = 1.25  # largest ranges: exact ones from there on are alike
 # Where in a cell the rays start, in cells off its centre: the first that is on free ground.
 _STARTS = (0.0, 0.0), (-0.25, -0.25), (0.25, 0.25), (-0.25, 0.25), (0.25, -0.25)
 
@@ -76,7 +75,7 @@ class RangeTable:
 
     def made(self, floor_plan: Map, lidar: Lidar) -> "TableOfMap":
         """Return the model of scans by this lidar on this map."""
-        step = _BEYOND * lidar.max_range / (_LAST - 1)
+        step = 1.25 * lidar.max_range / (_LAST - 1)  # exact ranges beyond these are alike
         x0, y0, x1, y1 = floor_plan.bounds
         columns, rows = int(np.ceil((x1 - x0) / self.cell)), int(np.ceil((y1 - y0) / self.cell))
         if (size := columns * rows * _DIRECTIONS) > _MOST:

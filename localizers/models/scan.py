@@ -24,7 +24,6 @@ def normal_pdf(z: Floats) -> Floats:
 
 METRE_SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit
 _STEPS = 400  # the uniform share's mass at an end of the range is that of 1 step: 1 px of 400 px
-_NEAREST = 1e-6  # steps: least expected range, to avoid a division by 0
 _WIDEST = 1e4  # ranges: largest σ; it is flat, and the share of a wider one would lose its digits
 
 
@@ -166,7 +165,7 @@ class BeamModel(_Tempered):
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
-        out, nearest = np.empty(len(expected)), _NEAREST * max_range / _STEPS
+        out, nearest = np.empty(len(expected)), 1e-6 * max_range / _STEPS  # no division by 0
         shares = float(self.hit), float(self.short), float(self.max), float(self.rand)
         beam_kernels.four_parts(
             ranges, expected.T, shares, self._width(max_range), self.decay, nearest, max_range, out
@@ -228,8 +227,7 @@ class LatentShare(_Tempered):
         return CensoredGaussianUniform(sigma=self.sigma, uniform=self.uniform, power=self.power)
 
 
-AnyBeamModel = GaussianUniform | CensoredGaussianUniform | BeamModel | LatentShare
-BEAM_MODELS: Mapping[str, type[AnyBeamModel]] = MappingProxyType(
+BEAM_MODELS: Mapping[str, type[BeamDensity]] = MappingProxyType(
     {
         "gaussian-uniform": GaussianUniform,
         "censored-gaussian-uniform": CensoredGaussianUniform,
@@ -280,7 +278,6 @@ class ScanSource(Protocol):
 
 OUTSIDE = -30.0
 _BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
-_VERBS = ("log_likelihood", "least_density")
 
 
 @final
@@ -298,7 +295,8 @@ class LidarScan:
     beam: BeamDensity
 
     def __post_init__(self) -> None:
-        lacking = [verb for verb in _VERBS if not callable(getattr(self.beam, verb, None))]
+        verbs = ("log_likelihood", "least_density")
+        lacking = [verb for verb in verbs if not callable(getattr(self.beam, verb, None))]
         if lacking:
             raise InputError(
                 f"the beam model is of type {type(self.beam).__name__}, without "
@@ -329,10 +327,6 @@ class LidarScan:
 
     def weighed(self, measured: Floats, expected: Singles) -> Floats:
         """Log-likelihood of usable ranges (B,), one or more, given the exact ones, (B, n), (n,)."""
-        n = expected.shape[1]
-        if n > _BLOCK:
-            blocks = [expected[:, start : start + _BLOCK].copy() for start in range(0, n, _BLOCK)]
-            return np.concatenate([self.weighed(measured, block) for block in blocks])
         out = self.beam.log_likelihood(measured, expected.T, self.lidar.max_range)
         out[np.isnan(expected[0])] = measured.size * self._outside
         return out

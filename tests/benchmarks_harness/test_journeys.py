@@ -12,7 +12,7 @@ from benchmarks.trials.scores import groups_named, journey_scores
 from benchmarks.trials.scoring import record
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import JourneyLog, Trace
-from benchmarks.trials.tracks import RECOVERED_STEPS, Journey, way_driven, weight_near
+from benchmarks.trials.tracks import FOUND, NEAR, RECOVERED_STEPS, Journey, way_driven
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.map import metre
 
@@ -142,11 +142,12 @@ def test_a_half_turn_is_found_where_the_map_has_one():
     assert tracks.half_turned(even, turned)[0] == pytest.approx([1, 2, 0.5 + 2 * math.pi])
 
 
-def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():
+def test_near_a_pose_is_within_a_metre_and_thirty_degrees():
     poses = np.array([[0, 0, 0], [0.9, 0, 0.52], [1.1, 0, 0], [0, 0, 0.6], [0, 0, 6.2]])
     for unit in ("m", "px"):
         placed = poses * [metre(unit), metre(unit), 1]
-        assert weight_near(placed, np.array([1, 2, 4, 8, 16.0]), np.zeros(3), unit) == 1 + 2 + 16
+        near = NEAR[FOUND](placed, np.zeros(3), unit=unit)
+        assert near.tolist() == [True, True, False, False, True]
 
 
 def trial(**parts):

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from localizers import GaussianPrior, GaussianUniform, RobotModel
 from localizers.checks import report_of
 from localizers.checks.subject import localizer_drive
 from localizers.inference import beam_filters
-from localizers.inference.beam_filters import DistanceFilter, EntropyFilter, PlaceCells, judges
+from localizers.inference.beam_filters import DistanceFilter, EntropyFilter, judges, place_cells
 from localizers.models.scan import LidarScan, Scan
 
 HALL = PolygonMap(outer=[(0, 0), (300, 0), (300, 200), (0, 200)])
@@ -119,13 +120,15 @@ def test_a_beam_that_no_pose_explains_is_dropped_by_the_entropy_filter():
     certain = replace(SCAN, beam=localizers.CensoredGaussianUniform(sigma=1.0, uniform=0.0))
     ranges = seen_from(POSE, people=(4,))
     cloud, log_weights = around(POSE, spread=0.05)
-    kept = EntropyFilter(scan=certain, places=PlaceCells(5.0)).kept(cloud, log_weights, of(ranges))
+    kept = EntropyFilter(scan=certain, places=partial(place_cells, 5.0)).kept(
+        cloud, log_weights, of(ranges)
+    )
     assert np.isnan(kept.ranges[4])
 
 
 def test_cells_are_squares_and_sectors_wherever_headings_are_wrapped():
     poses = np.array([[1, 1, 0.1], [4, 4, 0.14], [6, 1, 0.1], [1, 1, 0.1 + 2 * np.pi], [1, 1, 0.3]])
-    places = PlaceCells(5.0)(poses.T)
+    places = place_cells(5.0, poses.T)
     assert places[0] == places[1] == places[3]
     assert len({places[0], places[2], places[4]}) == 3
 

@@ -9,7 +9,7 @@ from following import STILL, follow, same
 
 from deqmcl_gym.maps import Map
 from localizers import OdometryMotion
-from localizers.inference.futures import DrawnFuture, Rollout
+from localizers.inference.futures import Rollout
 from localizers.inference.hedge import hedged
 from localizers.models.feasibility import FreeSpace
 
@@ -64,23 +64,19 @@ def test_a_future_drawn_anew_changes_no_weight_and_no_present(make, prior, drive
 def test_a_drawn_future_starts_from_its_own_present_and_follows_the_plan():
     # Without noise it is the plan rolled out from each particle's present.
     present = cloud(30)
-    future = DrawnFuture(Rollout(STILL), present, PLAN[:3], 4, RNG(0))
+    path, _ = Rollout(STILL).one(present, PLAN[:3], 4, RNG(0))
     expected = present
-    for ahead, action in enumerate(PLAN[:3], start=1):
+    for states, action in zip(path, PLAN[:3], strict=True):
         expected = STILL.sample(expected, action, RNG(0))
-        assert np.array_equal(future(ahead), expected)
-    assert future(4) is None
-    future(1)[:] = 0  # a copy
-    assert not np.array_equal(future(1), np.zeros_like(present))
+        assert np.array_equal(states, expected)
 
 
 def test_where_collisions_are_forbidden_a_feasible_roll_out_is_kept_if_there_is_one(room):
     walls = FreeSpace(floor_plan=room, radius=8.0, beta=np.inf)
     present = cloud(200)
-    future = DrawnFuture(Rollout(MOTION, walls), present, PLAN[:3], 8, RNG(0))
-    path = [present, *map(future, (1, 2, 3))]
-    kept = sum(walls.log_g(a, b) for a, b in pairwise(path))
-    possible = np.isfinite(future.log_h)
+    path, log_h = Rollout(MOTION, walls).one(present, PLAN[:3], 8, RNG(0))
+    kept = sum(walls.log_g(a, b) for a, b in pairwise([present, *path]))
+    possible = np.isfinite(log_h)
     assert 0 < possible.sum() < 200
     np.testing.assert_array_equal(np.isfinite(kept), possible)
 

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from following import follow, robot_of, small, started
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from localizers.inference.loss_detector import FOUND_AGAIN, LOST, MEMORY, LossDetector, LostDensity
+from localizers.inference.loss_detector import FOUND_AGAIN, LOST, MEMORY, LossDetector
 from localizers.inference.particles import log_evidence
 from localizers.models.prior import even_poses
 from localizers.models.scan import Scan
@@ -29,7 +30,7 @@ class Table:
         return self.rows[int(scan.ranges[0])]
 
 
-DETECTOR = LossDetector(LostDensity(Table(), np.zeros((3, 2), np.float32)))
+DETECTOR = LossDetector(partial(Table().log_likelihood, np.zeros((3, 2), np.float32)))
 
 
 def scan_of(number: float) -> Scan:
