@@ -18,8 +18,8 @@ import pandas as pd
 
 from benchmarks.console import checking
 from benchmarks.execution.engines import Where
-from benchmarks.report import write_report
 from benchmarks.report.films import camera_of
+from benchmarks.report.page import write_report
 from benchmarks.report.verdict import conclusion
 from benchmarks.setup.overrides import NOTHING, Named, Overrides
 from benchmarks.sweeps import Sweep

@@ -72,8 +72,8 @@ def paper_command(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.execution.processes import GUEST_SECONDS, Processes
     from benchmarks.experiment import Experiment
-    from benchmarks.report import write_report
     from benchmarks.report.films import write_paper_figures
+    from benchmarks.report.page import write_report
     from benchmarks.report.verdict import conclusion
     from benchmarks.sweeps.results import summary
     from benchmarks.sweeps.running import Options, complete
@@ -174,7 +174,7 @@ def sweep_command(options: argparse.Namespace) -> str:
     Trials that the output folder already holds are not run again.
     """
     from benchmarks.experiment import Experiment
-    from benchmarks.report import no_report
+    from benchmarks.report.page import no_report
     from benchmarks.sweeps.running import check, complete, dry_run
 
     sweep = asked(options)
@@ -252,7 +252,7 @@ def report_command(options: argparse.Namespace) -> str:
     and --pdf write what a paper needs into DIR/export: tables.tex (booktabs) with references.bib,
     and the charts.
     """
-    from benchmarks.report import latex_files, pdf_files, require_report, write_report
+    from benchmarks.report.page import latex_files, pdf_files, require_report, write_report
     from benchmarks.report.verdict import conclusion, progress
     from benchmarks.sweeps.results import left_out_lines, pooled, results_in
     from benchmarks.sweeps.store import own_folder, write_files

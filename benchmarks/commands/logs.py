@@ -26,8 +26,8 @@ from benchmarks.commands import (
 from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.robots import Replay
     from benchmarks.robots.nav2 import Amcl
-    from benchmarks.robots.played import Replay
     from benchmarks.robots.search import Task
 
 _OF_LOGS = "world.…, assumed.… and params.… (docs/your-map-your-log.md)"  # that may be set
@@ -163,8 +163,8 @@ def score_command(options: argparse.Namespace) -> str:
     poses in a bag: docs/tune-on-your-log.md.
     """
     from benchmarks.report.runs import limits_of, within
+    from benchmarks.robots import values_among
     from benchmarks.robots.estimates import estimates_of, played_before, played_by_replay, score
-    from benchmarks.robots.played import values_among
     from benchmarks.setup import documents
     from deqmcl_gym.logs import read_tum
     from deqmcl_gym.validation import InputError, one_of
@@ -293,8 +293,8 @@ def tune_command(options: argparse.Namespace) -> str:
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
+    from benchmarks.robots import values_among
     from benchmarks.robots.nav2 import usual_params
-    from benchmarks.robots.played import values_among
     from benchmarks.robots.search import Task, cut
     from benchmarks.robots.space import space_of
     from benchmarks.setup.overrides import Overrides
@@ -330,8 +330,8 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
 
 def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
     """Return the logs as the default would play them."""
+    from benchmarks.robots import replay_of
     from benchmarks.robots.calibration import doubts_of, with_fitted_power
-    from benchmarks.robots.played import replay_of
     from deqmcl_gym.validation import InputError
 
     files = [Path(log).resolve() for log in options.logs]

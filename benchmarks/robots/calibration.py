@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.console import doing
-from benchmarks.robots.played import REPLAY_SCENARIO, Replay
+from benchmarks.robots import REPLAY_SCENARIO, Replay
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import Overrides, located
 from benchmarks.tables import percent

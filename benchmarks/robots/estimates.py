@@ -15,8 +15,8 @@ import pandas as pd
 
 from benchmarks.report.runs import run_of_track, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, published, tables_of, tracked
+from benchmarks.robots import EVERY, NO_ERROR
 from benchmarks.robots.calibration import first_judged, late_words
-from benchmarks.robots.played import EVERY, NO_ERROR
 from benchmarks.setup.logs import REPLAY, LogScenario, check_inside
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in

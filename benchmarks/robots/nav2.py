@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from benchmarks.robots.played import Replay
+from benchmarks.robots import Replay
 from benchmarks.setup.priors import Gaussian
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import content_of, refusing, yaml_of

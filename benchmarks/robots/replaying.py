@@ -13,13 +13,20 @@ import pandas as pd
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.execution.engines import Where
 from benchmarks.experiment import as_toml, knowing, named_localizers
-from benchmarks.report import no_report, page_files
+from benchmarks.report.page import no_report, page_files
 from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
 from benchmarks.report.verdict import conclusion
-from benchmarks.robots import calibration
+from benchmarks.robots import (
+    EVERY,
+    OFTEN,
+    REPLAY_SCENARIO,
+    Replay,
+    calibration,
+    replay_of,
+    values_among,
+)
 from benchmarks.robots.nav2 import Amcl, read_nav2
-from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, replay_of, values_among
 from benchmarks.robots.residuals import PICTURE, TABLE, residuals_of
 from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names

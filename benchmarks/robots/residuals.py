@@ -22,8 +22,8 @@ from benchmarks.report.charts import INK, Chart, styled
 from benchmarks.report.runs import ended
 from benchmarks.report.tables import Part, Table
 from benchmarks.report.tracks import map_axes
+from benchmarks.robots import Replay
 from benchmarks.robots.calibration import known_part
-from benchmarks.robots.played import Replay
 from benchmarks.tables import percent
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import GridMap, Lidar, Map

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.random import Generator
 
-from benchmarks.robots.played import REPLAY_SCENARIO, Replay
+from benchmarks.robots import REPLAY_SCENARIO, Replay
 from benchmarks.robots.space import ASSUMED, Space, ends_of, latin_hypercube, neighbour
 from benchmarks.setup.logs import REPLAY
 from benchmarks.setup.overrides import NOTHING, Overrides

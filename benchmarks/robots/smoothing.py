@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.console import doing, log_warnings, warn
+from benchmarks.robots import Replay, replay_of, values_among
 from benchmarks.robots.calibration import FEW, doubts_by
-from benchmarks.robots.played import Replay, replay_of, values_among
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.store import own_folder, write_files
 from benchmarks.tables import percent

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from benchmarks.report import no_report
+from benchmarks.report.page import no_report
 from benchmarks.report.tables import Table
 from benchmarks.robots.nav2 import nav2_document
 from benchmarks.robots.replaying import sweep_file

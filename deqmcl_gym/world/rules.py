@@ -165,7 +165,7 @@ class RoomRules:
         if offices is not None:
             parts["floor_plan"] = offices.map(offices.seeds[0])
         if world is not None and not isinstance(world, World):
-            raise InputError(f"world is {shown(world)}, but must be a World: see world.config.")
+            raise InputError(f"world is {shown(world)}, but must be a World: see deqmcl_gym.world.")
         world = world or WORLDS[one_of("preset", preset, WORLDS)]
         world = world.changed(**parts)
         if offices is not None and world.route is None:

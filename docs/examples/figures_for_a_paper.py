@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 import benchmarks
-from benchmarks.report import latex_files, pdf_files
+from benchmarks.report.page import latex_files, pdf_files
 from benchmarks.sweeps.store import write_files
 
 sweep = benchmarks.sweep(

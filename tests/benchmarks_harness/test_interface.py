@@ -11,7 +11,7 @@ from refusals import refused
 
 import benchmarks
 import localizers
-from benchmarks import report
+from benchmarks.report import page
 from benchmarks.sweeps import Sweep
 from localizers import PoseBelief
 
@@ -40,7 +40,7 @@ def results():
 
 
 def test_the_tables_are_those_of_the_command(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(report, "no_report", lambda: "it is left out")
+    monkeypatch.setattr(page, "no_report", lambda: "it is left out")
     file, out = tmp_path / "small.toml", tmp_path / "out"
     text = 'scenario = "paper"\nlocalizers = ["mcl", "deq-mcl"]\ntrials = 2\nlag = 4\n'
     file.write_text(text + "params.particles = 20\n")

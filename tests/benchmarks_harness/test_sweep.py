@@ -11,7 +11,7 @@ from refusals import refused
 import localizers
 from benchmarks.console import FailedWarning
 from benchmarks.execution.engines import Where
-from benchmarks.report import write_report
+from benchmarks.report.page import write_report
 from benchmarks.setup.overrides import Named
 from benchmarks.sweeps import Sweep
 from benchmarks.sweeps.results import results_in

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from report_cases import THREE, changed, finished, paired, parsed, results, table_of, trials
 
 import localizers
-from benchmarks.report import escaped, latex_files, pdf_files
+from benchmarks.report.page import escaped, latex_files, pdf_files
 from benchmarks.report.tables import table_1
 from benchmarks.tables.frames import csv_of, timings_table
 from deqmcl_gym import __version__

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.robots import replay_of
 from benchmarks.robots.calibration import PART, judged_after_part, with_fitted_power
-from benchmarks.robots.played import replay_of
 from benchmarks.robots.replaying import methods_of, replay_sweep
 from benchmarks.trials.stage import Stage, attempt, key_of
 from deqmcl_gym import logs

@@ -9,8 +9,8 @@ import pytest
 from deqmcl_command import exit_code, lines
 from drives import recorded_in_a_hall, write_lap
 
+from benchmarks.robots import replay_of
 from benchmarks.robots.calibration import doubts_of
-from benchmarks.robots.played import replay_of
 from benchmarks.robots.residuals import HIT, THROUGH, Residuals
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import dead_reckoned, increments_of

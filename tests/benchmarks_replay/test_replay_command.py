@@ -13,8 +13,8 @@ from report_cases import changed, finished
 import benchmarks
 from benchmarks.report.runs import middle_run, runs_frame, scores_by_localizer, worst_run
 from benchmarks.report.tracks import run_words
+from benchmarks.robots import replay_of
 from benchmarks.robots import replaying as command
-from benchmarks.robots.played import replay_of
 from benchmarks.robots.replaying import methods_of
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds

@@ -14,8 +14,8 @@ from refusals import refused
 from scipy.stats import chi2
 
 from benchmarks.report.runs import LimitError, limits_of, within
+from benchmarks.robots import replay_of
 from benchmarks.robots.estimates import played_by_replay
-from benchmarks.robots.played import replay_of
 from benchmarks.trials.tracks import absolute, calibration_of_gaussians, relative_errors
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import composed, relative

@@ -13,8 +13,8 @@ from deqmcl_command import exit_code, lines, lose
 from drives import recorded_in_a_hall, write_lap
 from refusals import refused
 
+from benchmarks.robots import replay_of
 from benchmarks.robots.nav2 import nav2_document, read_nav2, usual_params
-from benchmarks.robots.played import replay_of
 from benchmarks.robots.search import GOALS, RUNS, Candidate, Tuning, cut
 from benchmarks.robots.space import Choice, Range, built_in, latin_hypercube, neighbour, space_of
 from benchmarks.robots.tuned import gain, segments_table

@@ -15,7 +15,7 @@ from refusals import refused
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from benchmarks.cli import main
-from benchmarks.robots.played import replay_of
+from benchmarks.robots import replay_of
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.stage import Stage

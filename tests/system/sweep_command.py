@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from deqmcl_command import exit_code
 
-import benchmarks.report
+from benchmarks.report import page
 from localizers.template import MyLocalizer
 
 SMALL = """
@@ -26,7 +26,7 @@ TABLES = ("results.csv", "trials.csv")
 def without_report():
     """Commands of this process write the tables only."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(benchmarks.report, "no_report", lambda: "it is left out")
+        patched.setattr(page, "no_report", lambda: "it is left out")
         yield patched
 
 
@@ -58,7 +58,7 @@ def sweep(file, out, *more):
 
 def report(out, *more):
     with without_report() as patched:
-        patched.setattr(benchmarks.report, "require_report", lambda: None)
+        patched.setattr(page, "require_report", lambda: None)
         return exit_code("report", out, *more)
 
 

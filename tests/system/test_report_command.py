@@ -12,7 +12,7 @@ import pytest
 from deqmcl_command import METHODS, exit_code, files, lines, lose, python
 from sweep_command import report, sweep, tables, write_small
 
-from benchmarks.report import write_report
+from benchmarks.report.page import write_report
 from benchmarks.sweeps.manifest import SCHEMA
 from benchmarks.sweeps.results import results_in
 

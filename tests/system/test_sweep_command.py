@@ -9,7 +9,7 @@ import pytest
 from deqmcl_command import exit_code, files, lines, lose, records
 from sweep_command import sweep, tables, write_small
 
-from benchmarks import report
+from benchmarks.report import page
 from benchmarks.sweeps import manifest, running
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_named, sweep_of
 
@@ -92,7 +92,7 @@ def test_combinations_that_are_the_same_are_said_and_run_once(tmp_path, capsys, 
 
 
 def test_without_the_extra_report_a_sweep_has_its_tables(tmp_path, monkeypatch, capsys, refusal):
-    monkeypatch.setattr(report, "find_spec", lambda name: None)
+    monkeypatch.setattr(page, "find_spec", lambda name: None)
     few = write_small(tmp_path, trials=1)
     assert exit_code("sweep", few, "--jobs", "1", "--out", tmp_path / "out") == 0
     said = capsys.readouterr().out

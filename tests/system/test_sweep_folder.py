@@ -189,7 +189,7 @@ def test_what_keeps_the_pictures_away_does_not_keep_the_tables_away(tmp_path, mo
     def undrawn(*_, **__):
         raise RuntimeError("no pictures today")
 
-    monkeypatch.setattr("benchmarks.report.page_files", undrawn)
+    monkeypatch.setattr("benchmarks.report.page.page_files", undrawn)
     file, out = write_small(tmp_path, trials=1), tmp_path / "out"
     assert exit_code("sweep", file, "--out", out, "--jobs", "1") == 3
     assert {"results.csv", "trials.csv"} < files(out).keys()

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from benchmarks.robots import replay_of
 from benchmarks.robots.nav2 import read_nav2, usual_params
-from benchmarks.robots.played import replay_of
 from benchmarks.robots.search import RUNS, Task, cut
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.tables.frames import csv_of

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.robots.played import replay_of
+from benchmarks.robots import replay_of
 from benchmarks.tables.frames import csv_of
 from deqmcl_gym.files import write_text
 from deqmcl_gym.logs import Log

@@ -21,10 +21,10 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.report.charts import Chart, canvas, line, styled
-from benchmarks.robots.played import replay_of
+from benchmarks.robots import replay_of
 from benchmarks.tables.frames import csv_of
+from benchmarks.trials import Trial
 from benchmarks.trials.episode import Step
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace
 from deqmcl_gym.files import write_text
