@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from benchmarks.report import films, write_report
+from benchmarks.report import films
+from benchmarks.report.page import write_report
 from benchmarks.setup.overrides import Overrides
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import Failure, Results

@@ -11,8 +11,9 @@ import pytest
 import report_cases
 from report_cases import THREE, finished, lines_of, paired, results, trial_of, trials, written
 
-from benchmarks.report import films, tables, write_report
+from benchmarks.report import films, tables
 from benchmarks.report.films import Animation
+from benchmarks.report.page import write_report
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
