@@ -37,7 +37,7 @@ def test_the_commands_of_a_page_work_as_they_stand_one_after_the_other(room, cap
     few = ["--set", "params.particles=10", "--jobs", "1"]
     commands = "".join(re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL))
     with without_report() as patched:
-        patched.setattr("benchmarks.report.require_report", lambda: None)
+        patched.setattr("benchmarks.report.page.require_report", lambda: None)
         for command in commands.splitlines():
             short = command.replace(" --set params.particles=300", "")
             words = shlex.split(short.replace("worlds 40", "worlds 20"))
