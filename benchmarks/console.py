@@ -94,7 +94,7 @@ def checking() -> Iterator[None]:
 
 
 def open_streams() -> None:
-    """Lead closed standard streams to the null device: else the next file opened gets a number."""
+    """Lead closed standard streams to the null device, or the next file gets their number."""
     for number in range(3):
         try:
             os.fstat(number)
