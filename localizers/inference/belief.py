@@ -6,7 +6,7 @@ present, which is read at every step; named tuples are made fastest.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -196,8 +196,8 @@ class _Cloud(NamedTuple):
     # It multiplies the reported weights, not those that are carried on; None: no look-ahead.
     log_h: LogWeights | None = None
     # the planned future of each particle where it is drawn from the present instead of queued:
-    # states (d, n) of x_{t+1} … to its end
-    foreseen: Sequence[States] = ()
+    # states (d, n) of x_{t+k} by k ≥ 1, None beyond its end
+    foreseen: Callable[[int], States | None] | None = None
     events: Events = Events()
     scan_log_evidence: float = math.nan  # log Σ w p(o_t | x_t, m), from some of the particles
     scan_power: float = 1.0  # λ_t, the exponent of the latest scan's likelihood
@@ -255,8 +255,8 @@ class ParticleBelief(_Cloud):
 
     def points(self, offset: int = 0) -> tuple[States, Floats] | None:
         """Return states (n, d) and weights (n,) of x_{t+offset}; None if the queue lacks it."""
-        if 0 < offset <= len(self.foreseen):
-            states: States | None = self.foreseen[offset - 1].copy()
+        if offset > 0 and self.foreseen is not None:
+            states = self.foreseen(offset)
         else:
             held = 0 <= self.queue.present + offset < len(self.queue.slots)
             states = self.queue.at(offset) if held else None
@@ -269,7 +269,7 @@ class ParticleBelief(_Cloud):
             log_weights=np.zeros(ancestors.size),
             log_normalizer=self.log_normalizer + log_sum - math.log(self.log_weights.size),
             log_h=None,
-            foreseen=(),
+            foreseen=None,
         )
 
     def appended(self, states: States, drawn: Actions) -> "ParticleBelief":
@@ -279,7 +279,7 @@ class ParticleBelief(_Cloud):
     def stepped(self, past: int) -> "ParticleBelief":
         """Let the next state become the present; keep at most ``past`` states before it."""
         queue = self.queue.stepped(past)
-        return self._replace(queue=queue, drawn=self.drawn[1:], log_h=None, foreseen=())
+        return self._replace(queue=queue, drawn=self.drawn[1:], log_h=None, foreseen=None)
 
     def cut(self, keep: int) -> "ParticleBelief":
         """Forget the states more than ``keep`` steps after the present."""

@@ -7,6 +7,7 @@ drawn anew from the present after each scan. A plan may also be an observation, 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -130,6 +131,26 @@ def _choose(log_weights: Floats, rng: np.random.Generator) -> Indices:
     return np.asarray(chosen * n + np.arange(n))
 
 
+@dataclass(frozen=True, eq=False)
+class DrawnFuture:
+    """``Rollout.one`` from the present of each particle, drawn when it is first asked for."""
+
+    rollout: Rollout
+    present: States  # x_t, (d, n)
+    actions: Actions  # of the plan, (F, k)
+    copies: int
+    rng: np.random.Generator
+
+    def __call__(self, ahead: int) -> States | None:
+        """Return x_{t+ahead}, (d, n), ahead ≥ 1; None beyond the plan."""
+        return self.drawn[0][ahead - 1].copy() if ahead <= len(self.actions) else None
+
+    @cached_property
+    def drawn(self) -> tuple[list[States], LogWeights]:
+        """The states after each step, and the log of the mean of Π g, (n,)."""
+        return self.rollout.one(self.present, self.actions, self.copies, self.rng)
+
+
 # Takes in what the plan (h, k) says of the present, at the start and at every step. By
 # h_t(x_t) = E[Π g of the planned future | x_t], which weights what is reported; or, as
 # ``PlanEvidence``, by an observation of x_t, which stays.
@@ -162,9 +183,9 @@ class Foresight:
         if len(window) == 0:
             return belief
         stream = rng.spawn(1)[0]
-        path, log_h = self.rollout.one(belief.present, window, self.copies, stream)
-        belief = belief._replace(foreseen=path)
-        return belief.foreseeing(log_h) if self.weighs else belief
+        future = DrawnFuture(self.rollout, belief.present, window, self.copies, stream)
+        belief = belief._replace(foreseen=future)
+        return belief.foreseeing(future.drawn[1]) if self.weighs else belief
 
 
 @dataclass(frozen=True, kw_only=True)

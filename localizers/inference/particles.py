@@ -255,6 +255,47 @@ def _sample_size(log_weights: Floats) -> float:
     return total * total / square
 
 
+@compiled
+def limit(bins: int, least: int, most: int, error: float, quantile: float) -> int:
+    """Return how many particles draws in so many bins need; see ``KldSampling``."""
+    if bins <= 1:
+        return most
+    k = bins - 1.0
+    b = 2 / (9 * k)
+    root = 1 - b + quantile * np.sqrt(b)
+    return int(min(max(np.ceil(k / (2 * error) * root * root * root), least), most))
+
+
+@compiled
+def enough(states: Singles, bin_size: Floats, least: int, error: float, quantile: float) -> int:
+    """Return the first number of these draws (3, n), in order, above their limit; n if none."""
+    n = states.shape[1]
+    slots = 64
+    while slots < 2 * n:
+        slots *= 2
+    first = np.full(slots, -1)
+    column, row, heading = np.empty((3, n), np.int64)
+    for i in range(n):
+        column[i] = int(np.floor(states[0, i] / bin_size[0]))
+        row[i] = int(np.floor(states[1, i] / bin_size[1]))
+        heading[i] = int(np.floor(states[2, i] / bin_size[2]))
+    bins, bound = 0, n
+    for i in range(n):
+        mixed = (column[i] * 73856093) ^ (row[i] * 19349663) ^ (heading[i] * 83492791)
+        slot = mixed & (slots - 1)
+        j = first[slot]
+        while j >= 0 and (column[j] != column[i] or row[j] != row[i] or heading[j] != heading[i]):
+            slot = (slot + 1) & (slots - 1)
+            j = first[slot]
+        if j < 0:
+            first[slot] = i
+            bins += 1
+            bound = limit(bins, least, n, error, quantile)
+        if i + 1 > bound:
+            return int(i + 1)
+    return int(n)
+
+
 @dataclass(frozen=True, kw_only=True)
 class KldSampling:
     """Draw until n > (k - 1) / (2 ε) · (1 - 2 / (9 (k - 1)) + z √(2 / (9 (k - 1))))³ (Fox 2003).
@@ -283,14 +324,5 @@ class KldSampling:
 
     def enough(self, states: Singles) -> int:
         """Return how many of these draws (3, ``most``), taken in order, are enough."""
-        places = np.floor(states / np.array(self.bin_size)[:, None])
-        x, y, heading = places - places.min(axis=1, keepdims=True)
-        bins = (x * (y.max() + 1) + y) * (heading.max() + 1) + heading  # whole, as float64
-        is_new = np.zeros(bins.size, np.bool_)
-        is_new[np.unique(bins, return_index=True)[1]] = True
-        more = np.cumsum(is_new) - 1.0  # k - 1
-        b = 2 / (9 * np.maximum(more, 1.0))
-        root = 1 - b + self.quantile * np.sqrt(b)
-        least = np.ceil(more / (2 * self.error) * root * root * root).clip(self.least, bins.size)
-        above = np.arange(1, bins.size + 1) > np.where(more > 0, least, bins.size)
-        return int(above.argmax()) + 1 if above.any() else bins.size
+        sizes = np.array(self.bin_size)
+        return enough(states, sizes, self.least, self.error, self.quantile)
