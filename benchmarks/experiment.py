@@ -64,7 +64,7 @@ def sweep(
             ``{"params.mcl.particles": 300, "world.lidar.beams": 9}``.
         keys: others of a sweep file: trials, seed, lag, world, assumed, params, baseline, ….
     """
-    listed, factories = named_localizers(localizers)
+    listed, factories = named_localizers(localizers or ())
     document = as_toml(keys) | ({"localizers": as_toml(listed)} if listed else {})
     if vary:
         axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary

@@ -149,8 +149,8 @@ def measured(trial: Trial) -> tuple[Trace, float]:
 def scores(trial: Trial) -> dict[str, float]:
     """Return the errors in (x, y) at x[t], x[t-L] and x[t+L], and how the last one is covered."""
     trace, ancestors = measured(trial)
-    metre = 1.0 if trace.unit == "m" else 50.0
-    middle = np.median if trace.unit == "m" else np.mean
+    in_metres = trace.task.floor_plan.unit == "m"
+    metre, middle = (1.0, np.median) if in_metres else (50.0, np.mean)
     found = {"ancestors": ancestors}
     for offset, column in ((0, "error"), (-trial.lag, "past"), (trial.lag, "future")):
         if (own := trace.offsets.get(offset)) is None:
