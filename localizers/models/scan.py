@@ -259,13 +259,14 @@ class ScanSource(Protocol):
         """Return the model of scans by this lidar on this map."""
 
 
-def in_blocks(told: Callable[[Singles], Floats], states: Singles) -> Floats:
-    """Return what is told of poses (3, n), (n,), 8192 at a time: their ranges fit the cache."""
-    starts = range(0, max(1, states.shape[1]), 8192)
-    return np.concatenate([told(states[:, start : start + 8192]) for start in starts])
-
-
 OUTSIDE = -30.0
+_BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
+
+
+def in_blocks(told: Callable[[Singles], Floats], states: Singles) -> Floats:
+    """Return what is told of poses (3, n), (n,), so many at a time."""
+    starts = range(0, max(1, states.shape[1]), _BLOCK)
+    return np.concatenate([told(states[:, start : start + _BLOCK]) for start in starts])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,9 +293,11 @@ class LidarScan:
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log-likelihood of a scan at each pose (3, n), (n,)."""
+        if states.shape[1] > _BLOCK:
+            return in_blocks(partial(self.log_likelihood, scan=scan), states)
         if scan.beams == 0:
             return np.zeros(states.shape[1])
-        return in_blocks(lambda some: self.weighed(*self.compared(some, scan)), states)
+        return self.weighed(*self.compared(states, scan))
 
     def compared(self, states: Singles, scan: Scan) -> tuple[Floats, Singles]:
         """Usable ranges, (B,), and the exact ones at each pose (3, n), NaN outside, (B, n)."""
