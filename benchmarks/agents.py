@@ -101,7 +101,7 @@ class OldRoute(OpenLoop):
     sees_belief = False
 
     def plan_at_reset(self, info: dict[str, Any]) -> None:
-        self._route = _route_of(info)
+        self._route = _routed(info)
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         if np.array_equal(info["route"], self._route):
@@ -119,7 +119,7 @@ class OtherRoute(Stale):
         self._world = _in_the_building(robot)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
-        seed = np.abs(np.rint(1e3 * np.array(_route_of(info)))).astype(np.int64).ravel()
+        seed = np.abs(np.rint(1e3 * np.array(_routed(info)))).astype(np.int64).ravel()
         corners = Journeys(self._world).between(None, np.random.default_rng(seed))
         self._rest = Course.along(corners, (*corners[0].tolist(), 0.0), self._world).actions
         return self._rest
@@ -167,10 +167,7 @@ class ToGoal:
         self._goal: Point = (math.nan, math.nan)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
-        if "goal" not in info:
-            raise InputError("the agent drives to a goal: give a world with a route.")
-        x, y = info["goal"].tolist()
-        self._goal = x, y
+        self._goal = tuple(_routed(info, "goal").tolist())
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
@@ -252,10 +249,10 @@ def _ahead_of(plan: GuidedPlan, pose: Pose, least: int = 0) -> Reals:
     return planned[: max(count, least)]
 
 
-def _route_of(info: dict[str, Any]) -> Any:
-    if "route" not in info:
-        raise InputError("the agent shows the plan for a route: give a world with a route.")
-    return info["route"]
+def _routed(info: dict[str, Any], what: str = "route") -> Any:
+    if what not in info:
+        raise InputError(f"the agent needs a {what}: give a world with a route.")
+    return info[what]
 
 
 def _in_the_building(robot: RobotModel) -> World:

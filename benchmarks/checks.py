@@ -63,7 +63,6 @@ class _InAScenario(Subject):
         raise refusal
 
     def begin(self) -> object:
-        """Make it."""
         raise NotImplementedError
 
 
@@ -106,11 +105,9 @@ class AgentDrive(_InAScenario):
         return self.watched(0)
 
     def history(self) -> list[Answer]:
-        """Return what an agent, made anew, answers at each step of one and the same drive."""
         return self.watched().answers
 
     def written(self) -> str | None:
-        """Name what it writes into of beliefs and info."""
         return self.watched().written
 
     def watched(self, steps: int = _STEPS, *, blind: bool = False) -> _Watched:
@@ -149,7 +146,6 @@ class ScanTests(_InAScenario):
     kind, worlds = SCAN_MODEL, ("sharp", "lost")
 
     def begin(self) -> ScanModel:
-        """Make the model anew."""
         return self._stage.robot.scan_model()
 
     def history(self) -> list[Reals]:
@@ -158,7 +154,6 @@ class ScanTests(_InAScenario):
         return [model.log_likelihood(self.poses, self.scan(number)) for number in (0, 1, 0)]
 
     def written(self) -> str | None:
-        """Name what it writes into of poses and a scan."""
         poses, scan = self.poses, self.scan(0)
         before = deepcopy({"the poses": poses, "the scan": scan})
         self.begin().log_likelihood(poses, scan)

@@ -154,14 +154,12 @@ class Counted(gym.Wrapper[Any, Any, Any, Any]):
     """Counts what is driven and paid in an episode, whatever wrappers are around it."""
 
     def reset(self, **arguments: Any) -> Any:
-        """Begin an episode."""
         seen, info = self.env.reset(**arguments)
         self._at = info["truth"]
         self.counts = {"return": 0.0, "steps": 0, "metres": 0.0, "contacts": 0, "scans": 0}
         return seen, info
 
     def step(self, action: Any) -> Any:
-        """Pass a step on, and count it."""
         seen, reward, terminated, truncated, info = self.env.step(action)
         room: Any = self.unwrapped
         counts, unit = self.counts, metre(room.floor_plan.unit)

@@ -37,12 +37,10 @@ class Still:
         self._px = pixel(robot.floor_plan.unit)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
-        """Return no plan."""
         self._rng = rng_of(info)
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
-        """Return the next action, and no plan."""
         return np.array(self._next(belief, info), np.float32), NO_PLAN
 
     def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:

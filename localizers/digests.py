@@ -12,6 +12,7 @@ import inspect
 import io
 import pickle
 import sys
+import sysconfig
 from collections.abc import Iterable
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -22,12 +23,19 @@ from deqmcl_gym.files import UnreadableError, opened
 
 UNREAD = "unread"  # in place of the digest of what is there, but not in a file
 OURS = ("deqmcl_gym", "localizers", "benchmarks")  # results have a digest of their own
+_ROOTS = (sys.prefix, *sysconfig.get_paths().values())  # of what is installed, and Python's own
 _CODE = (
     *("code", "consts", "names", "varnames", "freevars", "cellvars", "flags", "exceptiontable"),
     *("name", "argcount", "posonlyargcount", "kwonlyargcount"),
 )
 _WRAPPERS = (staticmethod, classmethod, property, cached_property)
 _WRAPPED = ("__wrapped__", "func", "fget", "fset", "fdel")
+
+
+def is_users(file: str) -> bool:
+    """Whether code is in a file, or a cell, that is neither ours nor installed nor Python's."""
+    roots = *map(Path, _ROOTS), *(Path(__file__).parents[1] / package for package in OURS)
+    return not (file.startswith("<frozen") or any(map(Path(file).is_relative_to, roots)))
 
 
 def module_digest(place: str) -> str | None:
@@ -53,11 +61,8 @@ def file_digest(file: str | None) -> str | None:
     if file is None:
         return None
     path = Path(file).absolute()
-    try:
-        beside = [p for p in path.parent.glob(f"{glob.escape(path.stem)}.*") if p.is_file()]
-    except OSError:
-        return None
-    others = sorted(p for p in beside if p.suffix != ".pyc" and p != path)
+    beside = path.parent.glob(f"{glob.escape(path.stem)}.*")
+    others = sorted(p for p in beside if p.is_file() and p.suffix != ".pyc" and p != path)
     return _digest((p, Path(p.name)) for p in [path, *others])
 
 

@@ -18,17 +18,16 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, reduce
-from importlib.metadata import distributions
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Self
 
 from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words, one_of
-from localizers.digests import file_digest, loaded_digest, module_digest
+from localizers.digests import file_digest, is_users, loaded_digest, module_digest
 
 _MODULE = "_localizer_"  # begins the name of a module that is a file of its own
-_LOADERS = (__file__, str(importlib.__file__), "<frozen importlib")  # of code, in a traceback
 _OWN = "package.module:NAME or path/to/file.py:NAME"
 _MISSING = (
     "install it, put its folder on PYTHONPATH, or give path/to/file.py:NAME; a file stands alone, "
@@ -44,7 +43,7 @@ class Kind:
     builtin: Mapping[str, Any]  # by name
     group: str  # of entry points of installed packages
     call: str  # how one is made of what a name leads to
-    verbs: tuple[str, ...]  # its methods, with their arguments
+    verbs: Mapping[str, str]  # its methods, with their arguments
     # names that there were, which folders may hold, and what to use instead
     gone: Mapping[str, str] = field(default_factory=dict)
     added: dict[str, Any] = field(default_factory=dict)  # by name; no other process knows them
@@ -56,7 +55,7 @@ class Kind:
 
     @property
     def _installed(self) -> Mapping[str, str]:
-        return _entry_points(tuple(sys.path)).get(self.group, {})
+        return _entry_points(self.group, tuple(sys.path))
 
     def register(self, name: str, factory: Any) -> None:
         """Make ``factory(robot, **params) -> Localizer`` known as ``name``, in this process only.
@@ -80,14 +79,13 @@ class Kind:
     @contextlib.contextmanager
     def registered(self, name: str, factory: Any) -> Iterator[None]:
         """Know ``factory`` as ``name`` in a ``with`` block, or in a function that it decorates."""
-        before = dict(self.added)
-        self.added.pop(name, None)
+        before = {name: self.added.pop(name)} if name in self.added else {}
         self.register(name, factory)
         try:
             yield
         finally:
             del self.added[name]
-            self.added.update({name: before[name]} if name in before else {})
+            self.added.update(before)
 
     def is_plug_in(self, name: str) -> bool:
         """Whether a name leads to other people's code, which ``resolve`` runs."""
@@ -104,17 +102,11 @@ class Kind:
         if not name.endswith(".py"):
             return name
         module = self._module(name, absolute_name(name))
-        fitting = [
-            member
-            for member, value in vars(module).items()
-            if inspect.isclass(value)
-            and _is_of(module, value)
-            and not member.startswith("_")
-            and not self._lacking(value)
-        ]
+        own = {n: v for n, v in _defined_in(module).items() if inspect.isclass(v) and n[0] != "_"}
+        fitting = [member for member, value in own.items() if not self._lacking(value)]
         if len(fitting) == 1:
             return name + f":{fitting[0]}"
-        none = f"no class with {' and '.join(self._methods)}"
+        none = f"no class with {' and '.join(self.verbs)}"
         raise InputError(
             f"the file {module.__file__} has {', '.join(fitting) or none}: say which one is the "
             f"{self.word}, as in {name}:{(*fitting, 'NAME')[0]}."
@@ -131,13 +123,12 @@ class Kind:
         reference = self.complete(reference)
         place, rest = split(absolute_name(reference))
         named, attribute = f"the {self.word} {name!r}", rest.removeprefix(":")
-        parts = attribute.split(".")
-        if not place or not all(map(str.isidentifier, parts)):
+        if not place or not all(map(str.isidentifier, attribute.split("."))):
             raise InputError(f"{named} leads to {reference!r}, but must be {_OWN}.")
         module = self._module(name, place)
-        thing = self._asked(name, "imported", place, reduce, _attribute, parts, module)
+        thing = self._asked(name, "imported", _member, module, attribute)
         if thing is None:
-            defined = [member for member, value in vars(module).items() if _is_of(module, value)]
+            defined = list(_defined_in(module))
             raise InputError(
                 f"{named} does not exist: {place} has no {attribute!r}"
                 f"{_nearest(attribute, defined)}; it defines {', '.join(defined) or 'nothing'}."
@@ -159,8 +150,8 @@ class Kind:
         self.check_parameters(name, params, parameters_of(factory, len(args), named))
         if name in self.builtin:
             return factory(*args, **named, **params)
-        place, how = split(absolute_name(name))[0], f"made by {self.call}"
-        return self.checked(name, self._asked(name, how, place, factory, *args, **named, **params))
+        made = self._asked(name, f"made by {self.call}", factory, *args, **named, **params)
+        return self.checked(name, made)
 
     def check_parameters(
         self, name: str, params: Iterable[str], taken: Iterable[str] | None
@@ -172,9 +163,10 @@ class Kind:
     def checked(self, name: str, made: Any) -> Any:
         """Return what was made if it has the methods of the kind, else refuse it."""
         if lacking := self._lacking(made):
+            methods = " and ".join(f"{verb}({takes})" for verb, takes in self.verbs.items())
             raise InputError(
                 f"the {self.word} {name!r} is of type {type(made).__name__}, without "
-                f"{' and '.join(lacking)}: one has {' and '.join(self.verbs)}."
+                f"{' and '.join(lacking)}: one has {methods}."
             )
         return made
 
@@ -187,17 +179,13 @@ class Kind:
         place, _ = split(absolute_name(self.reference(name)))
         return (file_digest(place) if is_path(place) else module_digest(place)) or ""
 
-    @property
-    def _methods(self) -> list[str]:
-        return [verb.partition("(")[0] for verb in self.verbs]
-
     def _lacking(self, thing: Any) -> list[str]:
-        return [verb for verb in self._methods if not callable(getattr(thing, verb, None))]
+        return [verb for verb in self.verbs if not callable(getattr(thing, verb, None))]
 
     def _module(self, name: str, place: str) -> Any:
         """Return the module at a place; a file is run, once per content."""
         if not is_path(place):
-            return self._asked(name, "imported", place, importlib.import_module, place)
+            return self._asked(name, "imported", importlib.import_module, place)
         path = Path(place)
         try:
             content = content_of(path)
@@ -207,10 +195,10 @@ class Kind:
                 near = _nearest(path.name, [file.name for file in path.parent.glob("*.py")])
                 words = f"{path}: {error.strerror}{near}"
             raise InputError(f"the {self.word} {name!r} cannot be read: {words}.") from None
-        return self._asked(name, "imported", place, _run, place, content)
+        return self._asked(name, "imported", _run, place, content)
 
     def _asked(
-        self, name: str, how: str, place: str, function: Callable[..., Any], /, *a: Any, **k: Any
+        self, name: str, how: str, function: Callable[..., Any], /, *a: Any, **k: Any
     ) -> Any:
         """Call code from elsewhere, the folder kept; what it raises, SystemExit too, is refused."""
         try:
@@ -219,23 +207,18 @@ class Kind:
         except BaseException as error:
             if isinstance(error, InputError) or is_ctrl_c(error):
                 raise
-            words = raised(error, place)
-            missing = isinstance(error, ModuleNotFoundError)
-            words = f"{words}: {_MISSING}" if missing else f"its own code raised {words}"
+            words = f"its own code raised {raised(error)}"
+            if isinstance(error, ModuleNotFoundError):
+                words = f"{raised(error)}: {_MISSING}"
             raise InputError(f"the {self.word} {name!r} cannot be {how}: {words}.") from error
 
 
 @cache
-def _entry_points(path: tuple[str, ...]) -> dict[str, dict[str, str]]:
-    """Return references by name by group; if several packages have a name, that of the first."""
+def _entry_points(group: str, path: tuple[str, ...]) -> dict[str, str]:
+    """Return references by name; if several packages have a name, that of the first."""
     del path
-    groups: dict[str, dict[str, str]] = {}
-    for package in distributions():
-        with contextlib.suppress(Exception):  # whatever is wrong with a file of somebody else's
-            for entry in [entry for entry in package.entry_points if entry.name and entry.value]:
-                reference = entry.value.partition("[")[0].strip()
-                groups.setdefault(entry.group, {}).setdefault(entry.name, reference)
-    return groups
+    entries = list(entry_points(group=group))
+    return {entry.name: entry.value.partition("[")[0].strip() for entry in reversed(entries)}
 
 
 def parameters_of(
@@ -248,8 +231,8 @@ def parameters_of(
         return None
     if any(p.kind is p.VAR_KEYWORD for p in listed):
         return None
-    beside = [*(p for p in listed[:given] if p.kind is p.VAR_POSITIONAL), *listed[given:]]
-    return tuple(p.name for p in beside if p.kind is not p.VAR_POSITIONAL and p.name not in named)
+    own = [p for p in listed[given:] if p.kind is not p.VAR_POSITIONAL]
+    return tuple(p.name for p in own if p.name not in named)
 
 
 class Placed(str):
@@ -294,27 +277,18 @@ def is_ctrl_c(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None
 
 
-def raised(error: BaseException, file: str | None = None) -> str:
-    """Say what was raised and where, deepest in ``file``: "ValueError: words (name.py, line 7)"."""
-    words = reason_of(error).rstrip(".")
-    frames = [
-        f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_LOADERS)
-    ]
-    frames = [frame for frame in frames if frame.filename == file] or frames
+def raised(error: BaseException) -> str:
+    """Say what was raised, and where in a user's code: "ValueError: words (name.py, line 7)"."""
+    words, shown = in_words(error).rstrip("."), "".join(traceback.format_exception(error))
+    if "BrokenProcessPool" in shown or f"No module named '{_MODULE}" in shown:  # or by its cause
+        remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
+        words = f"{words}: {remedy}"
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if is_users(f.filename)]
     if not frames or isinstance(error, SyntaxError):  # it says where
         return words
     path = Path(frames[-1].filename)
     place = "the cell" if path.parent.name.startswith("ipykernel") else path.name
     return f"{words} ({place}, line {frames[-1].lineno})"
-
-
-def reason_of(error: BaseException) -> str:
-    """Return an error in words; of a file whose own processes cannot import it, what to do."""
-    shown = "".join(traceback.format_exception(error))  # and what caused it
-    if "BrokenProcessPool" not in shown and f"No module named '{_MODULE}" not in shown:
-        return in_words(error)
-    remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
-    return f"{in_words(error).rstrip('.')}: {remedy}"
 
 
 def _run(path: str, source: bytes) -> ModuleType:
@@ -333,12 +307,14 @@ def _run(path: str, source: bytes) -> ModuleType:
     return sys.modules[name]
 
 
-def _attribute(thing: Any, name: str) -> Any:
-    return getattr(thing, name, None)
+def _member(thing: Any, attribute: str) -> Any:
+    """Return what a dotted name means in a module; None if it is not there."""
+    return reduce(lambda part, name: getattr(part, name, None), attribute.split("."), thing)
 
 
-def _is_of(module: ModuleType, value: Any) -> bool:
-    return getattr(value, "__module__", None) == module.__name__
+def _defined_in(module: ModuleType) -> dict[str, Any]:
+    members = vars(module).items()
+    return {n: v for n, v in members if getattr(v, "__module__", None) == module.__name__}
 
 
 def _nearest(name: str, names: Iterable[str]) -> str:

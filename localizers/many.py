@@ -143,14 +143,6 @@ class LocalizeVectorEnv(ManyEpisodes):
         info = self._info_of_step(commands, collided, success)
         return self._seen(), rewards, declared, truncated, info
 
-    def ranges(self, poses: Floats) -> Singles:
-        """Return what each room's lidar would measure at a pose, (n, 3), without noise, (n, B)."""
-        exact = np.empty((self.lidar.beams, self.num_envs), np.float32)
-        rooms = np.arange(self.num_envs)
-        local = np.asarray(poses, np.float32).T.copy()
-        self.lidar.cast(self._grounds.caster(rooms), local, exact)
-        return exact.T
-
     def close_extras(self, **_: Any) -> None:
         """End the threads."""
         if self._pool is not None:

@@ -54,11 +54,10 @@ class Relocalization:
     margin: float = 0.15  #: by which it must agree better than the belief
 
     def __post_init__(self) -> None:
-        number("recovery.doubt", self.doubt, low=0, high=1)
         integer("recovery.poses", self.poses, low=_MATCHED)
         number("recovery.way", self.way, low=0)
-        number("recovery.least", self.least, low=0, high=1)
-        number("recovery.margin", self.margin, low=0, high=1)
+        for name in ("doubt", "least", "margin"):
+            number(f"recovery.{name}", getattr(self, name), low=0, high=1)
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ class MapAgreement:
     def returns(self, ranges: Singles) -> Scan:
         """Return a scan whose usable beams have a return."""
         scan = Scan.of(np.array(ranges, np.float64), self._lidar.max_range)
-        return scan.without(scan.ranges >= self._lidar.max_range)
+        return scan.without(True, scan.ranges >= self._lidar.max_range)
 
     def __call__(self, poses: Floats, seen: Seen) -> tuple[Floats, Floats]:
         """Share of a scan's returns that agree near each pose (n, 3), (n,); and where, (n, 3)."""
@@ -201,7 +200,7 @@ class Lookout:
         """Compare a scan with the map, if one is due; return where a lost robot is found."""
         odometry, metre = np.array(stretch.at(time)), self.agreement.metre
         last = self.seen[-1].odometry if self.seen else None
-        if last is not None and not _are_apart(last, odometry, _APART[0] * metre, _APART[1]):
+        if last is not None and not has_moved(last, odometry, _APART[0] * metre, _APART[1]):
             return None
         scan = self.agreement.returns(ranges)
         points = belief.points()
@@ -232,7 +231,7 @@ class Lookout:
             best = int(np.argmax(places))
             mean, metre = self.places[best], self.agreement.metre
             least = max(self.recovery.least, belief + self.recovery.margin)
-            elsewhere = _are_apart(self.pose, mean, _SAME[0] * metre, _SAME[1])
+            elsewhere = has_moved(self.pose, mean, _SAME[0] * metre, _SAME[1])
             self._drop()
             if places[best] >= least and elsewhere:
                 self.shares.clear()
@@ -252,11 +251,6 @@ class Lookout:
         matched, height = self.agreement.matched(tried[[0, *(1 + order)]], seen, *_WIDE)
         places, far = [matched[0]], (_DISTINCT[0] * self.agreement.metre, _DISTINCT[1])
         for pose in matched[np.argsort(-height, kind="stable")]:
-            if all(_are_apart(place, pose, *far) for place in places):
+            if all(has_moved(place, pose, *far) for place in places):
                 places.append(pose)
         self.places = np.array(places[:6])  # the first is the belief's
-
-
-def _are_apart(pose: Floats, other: Floats, distance: float, angle: float) -> bool:
-    """Whether two poses are at least so far from each other."""
-    return has_moved(pose.tolist(), other.tolist(), distance, angle)

@@ -1,10 +1,11 @@
 """Localizers by name, how one is made, and what it takes; scan models of other people's code."""
 
+import contextlib
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Self, final
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import Floats, Singles
 from deqmcl_gym.validation import number, shown
 from localizers.api import Localizer
-from localizers.kinds import Kind, absolute_name, raised, split
+from localizers.kinds import Kind, absolute_name, raised
 from localizers.methods.amcl import amcl
 from localizers.methods.cbgl import cbgl
 from localizers.methods.classical import DeadReckoning, ekf
@@ -28,14 +29,14 @@ from localizers.methods.deq_mcl import (
 )
 from localizers.methods.grid import grid
 from localizers.models import RobotModel
-from localizers.models.scan import Scan, ScanModel
+from localizers.models.scan import Scan, ScanModel, in_blocks
 
 Factory = Callable[..., Localizer]
 
 LOCALIZER = Kind(
     word="localizer",
     call="NAME(robot, **params)",
-    verbs=("reset(prior, plan, rng)", "update(ranges, action, plan)"),
+    verbs={"reset": "prior, plan, rng", "update": "ranges, action, plan"},
     group="deqmcl.localizers",
     builtin={
         "mcl": mcl,
@@ -83,12 +84,10 @@ SCAN_MODEL = Kind(
     builtin={},  # those of single beams are ``BEAM_MODELS``
     group="deqmcl.scan_models",
     call="NAME(floor_plan=…, lidar=…, **params)",
-    verbs=("log_likelihood(states, scan)",),
+    verbs={"log_likelihood": "states, scan"},
 )
-_BLOCK = 8192  # poses that a model is asked for at once, at most
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class ScanPlugIn:
     """A scan model by the place of its code, p(o | x, m)^power, with a power in (0, 1].
@@ -131,7 +130,6 @@ class ScanPlugIn:
         return CheckedScan(model, self)
 
 
-@final
 @dataclass(frozen=True)
 class CheckedScan:
     """Somebody else's scan model, asked for at most 8192 poses at a time, its values looked at."""
@@ -144,11 +142,9 @@ class CheckedScan:
 
         A model that fails, or answers with another shape, NaN or inf, raises ``RuntimeError``.
         """
-        n = states.shape[1]
         if scan.beams == 0:
-            return np.zeros(n)
-        blocks = [states[:, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
-        return np.concatenate([np.zeros(0), *(self._asked(some, scan) for some in blocks)])
+            return np.zeros(states.shape[1])
+        return in_blocks(lambda some: self._asked(some, scan), states)
 
     def _asked(self, states: Singles, scan: Scan) -> Floats:
         n = states.shape[1]
@@ -156,8 +152,7 @@ class CheckedScan:
             answer = self.model.log_likelihood(np.ascontiguousarray(states), scan)
             logs = np.asarray(answer, np.float64)
         except Exception as error:
-            words = raised(error, split(self.of.kind)[0])
-            raise RuntimeError(f"the scan model {self.of} raised {words}.") from error
+            raise RuntimeError(f"the scan model {self.of} raised {raised(error)}.") from error
         if logs.shape != (n,):
             raise RuntimeError(
                 f"the scan model {self.of} answered with shape {logs.shape} to {n} poses, but must "
@@ -217,20 +212,16 @@ def describe(name: str | Callable[..., Any]) -> Description:
     return Description(
         name if isinstance(name, str) else getattr(name, "__name__", type(name).__name__),
         sentence[:1].upper() + sentence[1:],
-        tuple(ParameterWords(p.name, p.default, _meaning(p)) for p in _parameters_of(factory)),
+        tuple(_parameters_of(factory)),
     )
 
 
-def _parameters_of(factory: Callable[..., Any]) -> list[inspect.Parameter]:
-    for evaluated in (True, False):  # a plug-in's annotations may name what cannot be found
-        try:
+def _parameters_of(factory: Callable[..., Any]) -> Iterator[ParameterWords]:
+    listed: list[inspect.Parameter] = []
+    for evaluated in (False, True):  # a plug-in's annotations may name what cannot be found
+        with contextlib.suppress(Exception):
             listed = list(inspect.signature(factory, eval_str=evaluated).parameters.values())
-        except Exception:
-            continue
-        return [p for p in listed[1:] if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
-    return []
-
-
-def _meaning(parameter: inspect.Parameter) -> str:
-    metadata = getattr(parameter.annotation, "__metadata__", ())  # of Annotated
-    return next((item for item in metadata if isinstance(item, str)), "")
+    for p in listed[1:]:
+        if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD):
+            words = (m for m in getattr(p.annotation, "__metadata__", ()) if isinstance(m, str))
+            yield ParameterWords(p.name, p.default, next(words, ""))

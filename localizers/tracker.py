@@ -23,6 +23,7 @@ from localizers.api import Belief, Localizer, Prior, best_cluster, quality_of
 from localizers.calibration import Calibration, spread_about
 from localizers.models import RobotModel
 from localizers.recovery import Lookout, Relocalization
+from localizers.registry import LOCALIZER
 
 _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
 _MOST = 10_000  # updates that are remembered
@@ -121,11 +122,7 @@ class Tracker:
     counts: Counts = field(default_factory=Counts, init=False)
 
     def __post_init__(self) -> None:
-        if not (hasattr(self.localizer, "reset") and hasattr(self.localizer, "update")):
-            raise InputError(
-                f"the localizer is {shown(self.localizer)}, but must have reset and update: give "
-                "one that localizers.make makes."
-            )
+        LOCALIZER.checked(shown(self.localizer), self.localizer)
         size = pixel(one_of("unit of length", self.unit, PIXELS))
         every = (_EVERY[0] * size, _EVERY[1]) if self.every is None else self.every
         fastest = (FASTEST[0] * size, FASTEST[1]) if self.fastest is None else self.fastest
@@ -170,11 +167,9 @@ class Tracker:
         if state.shape != (3,):
             raise InputError(f"the odometry has shape {state.shape}, but must be a pose (x, y, θ).")
         taken = self._odometry.take(time, one_pose(state[None]))
-        if taken is Taken.UNUSABLE:
-            self.counts.unusable += 1
-            return False
-        if taken is Taken.LATE:
-            self.counts.late_odometry += 1
+        if taken in (Taken.UNUSABLE, Taken.LATE):
+            self.counts.unusable += taken is Taken.UNUSABLE
+            self.counts.late_odometry += taken is Taken.LATE
             return False
         if taken is Taken.RESET:
             self._begin_stretch()

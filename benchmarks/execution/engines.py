@@ -6,7 +6,6 @@ import math
 import os
 import pickle
 import sys
-import sysconfig
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
@@ -21,7 +20,7 @@ from benchmarks.execution.processes import GUEST_SECONDS, Processes, TimedOutErr
 from benchmarks.trials import Trial
 from benchmarks.trials.stage import Outcome, attempt, guest_of
 from deqmcl_gym.validation import InputError, in_words, integer, number
-from localizers.digests import OURS
+from localizers.digests import is_users
 from localizers.registry import LOCALIZER
 
 TRIES = 3  # of a trial whose worker dies
@@ -119,11 +118,9 @@ def _packed(name: str) -> bytes:
         made_by = made_by.func
     home: Any = sys.modules.get(getattr(made_by, "__module__", ""))
     file = getattr(home, "__file__", None)
-    installed = [*map(Path, (sys.prefix, *sysconfig.get_paths().values()))]
-    installed += [Path(__file__).parents[2] / package for package in OURS]
     try:
         with ExitStack() as stack:
-            if file is not None and not any(map(Path(file).is_relative_to, installed)):
+            if file is not None and is_users(file):
                 cloudpickle.register_pickle_by_value(home)
                 stack.callback(cloudpickle.unregister_pickle_by_value, home)
             return bytes(cloudpickle.dumps(factory))

@@ -47,11 +47,9 @@ class LogScenario(Scenario):
 
     @property
     def unit(self) -> str:
-        """Of all lengths."""
         return self.recording()[0].unit if {"log", "map"} <= self.env.keys() else "m"
 
     def room(self) -> LogEnv:
-        """Return the log as an env."""
         log, floor_plan = self.recording()
         if self.segments and not log.referenced.size:
             raise InputError(f"{log.source} has no reference to score by: name one as reference.")
@@ -67,7 +65,6 @@ class LogScenario(Scenario):
         return LogEnv(log=log, map=floor_plan, on_mismatch=mismatch, **arguments)
 
     def robot_model(self, room: TrialEnv) -> RobotModel:
-        """Return what localizers and agents are made for."""
         robot = super().robot_model(room)
         return replace(robot, motion=self.motion_of(self.recording()[0]), beta=self.beta)
 
@@ -107,13 +104,11 @@ class LogScenario(Scenario):
         return {f"motion.{name}": value for name, value in vars(shown).items()}
 
     def in_world(self, values: Overrides) -> Self:
-        """Return this scenario with arguments of its env changed, by dotted name."""
         names = _ARGUMENTS if self.segments else (*_ARGUMENTS, "judged")
         return replace(self, env={**self.env, **values.by_part(names, "part of a log's world")})
 
     @property
     def judged(self) -> int | None:
-        """Of a whole log, the first record by which beliefs are judged."""
         return None if self.segments else integer("judged", self.env.get("judged", 0))
 
     @property

@@ -30,7 +30,7 @@ AGENT = Kind(
     builtin=AGENTS,
     group="deqmcl.agents",
     call="NAME(robot, **params)",
-    verbs=("plan_at_reset(info)", "act(belief, info)"),
+    verbs={"plan_at_reset": "info", "act": "belief, info"},
 )
 SCENARIOS = (*_TABLES, *_OF_LOGS)  # that are built in
 _KEYS = (

@@ -40,7 +40,6 @@ class Gaussian:
         number("prior.sd_heading", self.sd_heading, low=0)
 
     def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> GaussianPrior:
-        """Return p(x_0) in the episode that a room has begun last, or in one with this start."""
         mean = self.mean or start or room.expected_start
         return GaussianPrior(mean=mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
 
@@ -63,7 +62,6 @@ class Displaced(Gaussian):
         number("prior.angle", self.angle, low=0, high=3.1416)  # π, as people write it
 
     def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> GaussianPrior:
-        """Return p(x_0) in the episode that a room has begun last, or in one with this start."""
         if rng is None:
             raise InputError("the prior is displaced in a direction that is drawn: give rng.")
         right = super().of(room, start=start)
@@ -106,7 +104,6 @@ class Uniform:
         self._region()  # refuses what is none
 
     def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> UniformPrior:
-        """Return p(x_0) in a room."""
         region = self._region()
         return UniformPrior(floor_plan=room.floor_plan, radius=room.radius, region=region)
 
@@ -142,7 +139,6 @@ class Places:
         object.__setattr__(self, "places", tuple(map(_place, self.places)))
 
     def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> MixturePrior:
-        """Return p(x_0) in the episode that a room has begun last, or in one with this start."""
         if not self.places:
             raise InputError("the prior has kind places, but no place: add [[prior.places]].")
         parts = tuple(place.prior.of(room, start=start) for place in self.places)
@@ -182,7 +178,7 @@ def changed(part: str, current: Part, keys: Any, unit: str, kinds: Mapping[str, 
     if part == "scan" and SCAN_MODEL.reference(changes.get("kind")):
         return ScanPlugIn(kind=changes.pop("kind")).changed(**changes)  # type: ignore[return-value]
     if isinstance(current, ScanPlugIn) and "kind" not in changes:
-        return current.changed(**changes)  # type: ignore[return-value]
+        return current.changed(**changes)
     if "kind" in changes:
         further = ", or your own as file.py:NAME" if part == "scan" else ""
         chosen = one_of(f"kind of {part}", changes.pop("kind"), kinds, further)

@@ -154,7 +154,6 @@ class RoomScenario(Scenario):
 
     @property
     def unit(self) -> str:
-        """Of all lengths."""
         return self.world.floor_plan.unit
 
     @property
@@ -171,11 +170,9 @@ class RoomScenario(Scenario):
         return about
 
     def room(self) -> TrialEnv:
-        """Return the env, set up to run all planned steps."""
         return RoomEnv(world=self.world, horizon=self.horizon, ends_at_goal=False)
 
     def in_building(self, trial: int) -> Self:
-        """Return this scenario in the building of a trial's number."""
         if self.office is None:
             return self
         floor_plan = _seeded(self.office, trial, self.buildings)
@@ -194,7 +191,6 @@ class RoomScenario(Scenario):
 
     @property
     def known(self) -> Mapping[str, Any]:
-        """What filters may assume as it is in the world, by dotted name."""
         noise, start = self.world.noise, self.world.start
         return {
             "motion.kind": "odometry",

@@ -29,9 +29,9 @@ from benchmarks.trials.trace import JourneyLog, Trace, TrackLog
 from benchmarks.trials.tracks import is_symmetric
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.numerics import Pose
-from deqmcl_gym.validation import InputError, LogWarning, one_of
+from deqmcl_gym.validation import InputError, LogWarning, in_words, one_of
 from localizers import Prior, RobotModel, absolute_name, make
-from localizers.kinds import is_ctrl_c, is_path, raised, reason_of, split
+from localizers.kinds import is_ctrl_c, raised
 from localizers.registry import LOCALIZER, SCAN_MODEL
 
 DISTURBANCES = {"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange}
@@ -237,18 +237,6 @@ def _driven(episode: Trial, key: str) -> Drive | None:
     return Stage.of(episode).driven()
 
 
-def _reason(error: BaseException, localizer: str) -> str:
-    """Return an error in words; of somebody's own localizer, where in its file or cell, too."""
-    place = split(localizer)[0]
-    if localizer in {**LOCALIZER.added, **LOCALIZER.received}:
-        factory: Any = LOCALIZER.resolve(localizer)
-        codes = (getattr(part, "__code__", None) for part in (factory, *vars(factory).values()))
-        place = next((code.co_filename for code in codes if code is not None), "")
-    elif not is_path(place):
-        place = ""
-    return raised(error, place) if place and not isinstance(error, InputError) else reason_of(error)
-
-
 def attempt(trial: Trial, key: str) -> Outcome:
     """Run one trial; an error becomes its reason to have failed.
 
@@ -272,7 +260,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return Outcome(reason=_reason(error, trial.localizer))
+        return Outcome(reason=in_words(error) if isinstance(error, InputError) else raised(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
     return Outcome(record=result, seconds=trace.seconds)

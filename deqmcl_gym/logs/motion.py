@@ -5,7 +5,6 @@ the frame after the turn, so that (d, 0, φ) is a room's action (d, φ): turn by
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +24,7 @@ def increments_of(poses: Floats) -> Floats:
     return increments
 
 
-def has_moved(last: Sequence[float], pose: Sequence[float], distance: float, angle: float) -> bool:
+def has_moved(last: Pose | Floats, pose: Pose | Floats, distance: float, angle: float) -> bool:
     """Whether a pose is at least so far from the last one or turned by so much: one is enough."""
     turn = abs(math.remainder(pose[2] - last[2], 2 * math.pi))
     return math.hypot(pose[0] - last[0], pose[1] - last[1]) >= distance or turn >= angle

@@ -124,7 +124,7 @@ def verdict_on(subject: Subject, law: Law) -> LawVerdict:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return LawVerdict(name, "FAILED", f"it raised {raised(error, subject.file)}", error)
+        return LawVerdict(name, "FAILED", f"it raised {raised(error)}", error)
 
 
 def parametrize_with_laws(

@@ -131,7 +131,7 @@ def increments_of_three(subject: LocalizerDrive) -> None:
         wide = subject.history(actions=increments(subject.actions), plans=plans)
         subject.require_same(wide, "(d, 0, φ) gives another belief than (d, φ)")
     except Exception as error:
-        why = error if isinstance(error, LawBrokenError) else raised(error, subject.file)
+        why = error if isinstance(error, LawBrokenError) else raised(error)
         raise LawSkippedError(
             f"not for logs, whose increments have three numbers: {why}"
         ) from error

@@ -106,11 +106,6 @@ class Subject:
     name: str
     time_limit: float = 60.0  # s
 
-    @property
-    def file(self) -> str | None:
-        """The file that it is written in; an exception is told as a line of it."""
-        return self.name.rpartition(":")[0]
-
     def history(self) -> Sequence[Any]:
         """Return what it, made anew, answers at each step of one and the same drive."""
         raise NotImplementedError
@@ -150,12 +145,6 @@ class LocalizerDrive(Subject):
         """What makes the localizer."""
         return resolve(self.source) if isinstance(self.source, str) else self.source
 
-    @property
-    def file(self) -> str | None:
-        """The file that the localizer is written in."""
-        module = sys.modules.get(getattr(self.factory, "__module__", None) or "")
-        return getattr(module, "__file__", None)
-
     def made(self) -> Localizer:
         """Make a new localizer."""
         made: Localizer = LOCALIZER.checked(self.name, self.factory(self.robot, **self.params))
@@ -185,7 +174,6 @@ class LocalizerDrive(Subject):
         return [snapshot(belief, t) for t, (belief, _) in enumerate(run)]
 
     def written(self) -> str | None:
-        """Name which of ranges, action and plan it writes into."""
         for t, (_, inputs) in enumerate(self.steps()):
             if name := difference(self.inputs(t), inputs):
                 return f"the {name} at step {t}"

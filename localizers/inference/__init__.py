@@ -6,12 +6,12 @@ In the other files: sequential Monte Carlo over any state space, its queue, beli
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.elementary import FARTHEST
-from deqmcl_gym.validation import InputError, amount, array, shown
+from deqmcl_gym.validation import InputError, amount, array, real, shown
 from localizers.api import Prior
 from localizers.models import RobotModel
 from localizers.models.motion import increments
@@ -42,22 +42,16 @@ class FilterLocalizer(Generic[B]):
         """Make a localizer for ``robot`` from a filter made for it."""
         self.robot = robot
         self.filter = bayes_filter
+        self.own_plans = bool(getattr(bayes_filter, "own_plans", True))  # see ``Localizer``
         self._running: tuple[B, np.random.Generator] | None = None
 
-    @property
-    def own_plans(self) -> bool:
-        """Whether it is to be shown plans made from its own belief; see ``Localizer``."""
-        return bool(getattr(self.filter, "own_plans", True))
-
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
-        """Start a new run; see ``Localizer.reset``."""
         prior = checked_prior(prior, self.robot)
         belief = self.filter.initial(prior, checked_plan(plan), checked_rng(rng))
         self._running = (belief, rng)
         return belief
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> B:
-        """Advance one step; see ``Localizer.update``."""
         belief: Any
         belief, rng = require_reset(self._running)
         scan, command, ahead = checked_step(ranges, action, plan, self.robot.lidar)
@@ -96,32 +90,24 @@ def checked_rng(rng: np.random.Generator) -> np.random.Generator:
 
 def checked_plan(plan: ArrayLike) -> Floats:
     """Return a plan as increments (h, 3), an empty one of any shape as (0, 3); else refuse it."""
-    try:
-        empty = np.asarray(plan).size == 0
-    except ValueError:  # a ragged list; ``array`` names it
-        empty = False
-    return np.empty((0, 3)) if empty else increments(_of_actions("the plan", plan, 2))
+    given = real("the plan", plan)
+    return np.empty((0, 3)) if given.size == 0 else _increments("the plan", given, None)
 
 
 def checked_action(action: ArrayLike) -> Floats:
     """Return an action as an increment (3,), else refuse it."""
-    return increments(_of_actions("the action", action, 1))
+    return _increments("the action", real("the action", action, "two or three numbers"))
 
 
-def _of_actions(what: str, given: ArrayLike, axes: int) -> Floats:
-    try:
-        columns = 3 if np.shape(given)[-1:] == (3,) else 2
-    except ValueError:  # ragged; ``array`` names it
-        columns = 2
-    shape: tuple[int | None, ...] = (columns,) if axes == 1 else (None, columns)
-    values = array(what, given, shape)
+def _increments(what: str, given: NDArray[Any], *rows: None) -> Floats:
+    values = array(what, given, (*rows, 3 if given.shape[-1:] == (3,) else 2))
     if not (np.abs(values) <= LARGEST_ACTION).all():
         largest = float(np.abs(values).max())
         raise InputError(
             f"{what} has a length or turn of size {largest:g}, but the largest allowed is "
             f"{LARGEST_ACTION:g}."
         )
-    return values
+    return increments(values)
 
 
 def checked_step(
@@ -144,10 +130,7 @@ def checked_step(
             and np.abs(ahead).max(initial=0.0) <= LARGEST_ACTION
         ):
             return _scan(measured, lidar), increments(command), increments(ahead)
-    try:
-        measured = np.array(ranges, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"the scan is {ranges!r}, but must be numbers, one per beam.") from None
+    measured = np.array(real("the scan", ranges, "numbers, one per beam"), np.float64)
     if measured.shape != (lidar.beams,):
         raise InputError(
             f"the scan has shape {measured.shape}, but this localizer was made for a lidar of "

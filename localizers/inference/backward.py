@@ -9,7 +9,7 @@ The motion needs a density: ``GaussianMotion`` has the spread of another model.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol, final
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +17,8 @@ from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.numerics import Floats, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, exp64, sin64, wrapped64
-from localizers.api import Motion
-from localizers.inference.particles import (
-    Initial,
-    States,
-    Weights,
-    normalized_with_log_sum,
-    pointed_at,
-)
+from localizers.api import Motion, Prior
+from localizers.inference.particles import States, Weights, normalized_with_log_sum, pointed_at
 from localizers.models.motion import increments
 from localizers.models.nav2_motion import moved
 from localizers.models.scan import Scan, ScanModel
@@ -32,18 +26,11 @@ from localizers.models.scan import Scan, ScanModel
 SPREAD = 10  # times the particles, while a cloud is wide
 
 
-class Transition(Motion, Protocol):
-    """p(x_t | x_{t-1}, u_t), to draw from and in numbers."""
-
-    def density(self, before: States, after: States, action: Floats) -> Floats:
-        """Density of each of m states after each of n, (m, n)."""
-
-
 Filtered = list[tuple[States, Weights]]  # what a filter believes after each scan o_0 … o_T
 
 
 def forward(
-    prior: Initial,
+    prior: Prior,
     motion: Motion,
     scan_model: ScanModel,
     scans: Sequence[Scan],
@@ -77,7 +64,11 @@ def forward(
 
 
 def backward(
-    clouds: Filtered, motion: Transition, actions: Floats, count: int, rng: np.random.Generator
+    clouds: Filtered,
+    motion: "GaussianMotion",
+    actions: Floats,
+    count: int,
+    rng: np.random.Generator,
 ) -> States:
     """Draw so many whole paths, (T + 1, d, count)."""
     paths = list[States]()
@@ -96,7 +87,6 @@ _DRAWS = 10_000  # of the other model, for its spread
 _SLIPS, _FARTHER = 0.1, 5.0  # share of steps that may be so many times as far off ahead
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class GaussianMotion:
     """x_t = x_{t-1} ⊕ v, v ~ 0.9 N(u', S) + 0.1 N(u', S'), S = Σ(u) + diag(ℓ², ℓ², α²).

@@ -41,15 +41,6 @@ def judges(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
     return states[:, ::stride], normalized_with_log_sum(some)[0]
 
 
-def left_out(scan: Scan, dropped: Any) -> Scan:
-    """Return the scan without the usable beams that are dropped, (b,)."""
-    if not dropped.any():
-        return scan
-    beams = np.zeros(scan.ranges.size, np.bool_)
-    beams[scan.usable] = dropped
-    return scan.without(beams)
-
-
 @dataclass(frozen=True, kw_only=True)
 class DistanceFilter:
     """Drop a beam if P(o is shorter than the map says) > 0.99 under the belief.
@@ -76,7 +67,7 @@ class DistanceFilter:
         unit = self.scan.floor_plan.unit
         if scan.beams == 0 or best_cluster(poses.T, weights, unit=unit).share < 0.9:
             return scan
-        return left_out(scan, self.shorter(poses, weights, scan) > 0.99)
+        return scan.without(self.shorter(poses, weights, scan) > 0.99, scan.usable)
 
     def shorter(self, poses: States, weights: Weights, scan: Scan) -> Floats:
         """P(o < ô) of each usable beam under weighted poses (3, n), (b,); 0 if all are outside."""
@@ -120,7 +111,7 @@ class EntropyFilter:
         if scan.beams == 0:
             return scan
         poses, weights = judges(states, log_weights)
-        return left_out(scan, self.raises(poses, weights, scan))
+        return scan.without(self.raises(poses, weights, scan), scan.usable)
 
     def raises(self, poses: States, weights: Weights, scan: Scan) -> Any:
         """Whether each usable beam raises the entropy of weighted poses (3, n), (b,)."""

@@ -8,7 +8,8 @@ present, which is read at every step; named tuples are made fastest.
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
+from itertools import accumulate
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -30,43 +31,20 @@ from localizers.models.scan import Scan
 Link = Indices | None  # None: the identity
 
 
-class SlidingComposition(NamedTuple):
-    """The composition of a window of links, pushed at its new end and popped at its old: O(1).
-
-    Two stacks: the old half holds a composition from each of its links to its end, the new half one
-    of all its links. When the old half is used up, the new half is turned into it.
-    """
-
-    old: tuple[Link, ...] = ()  # next to be popped: last
-    new: tuple[Link, ...] = ()
-    running: Link = None
-
-    def push(self, link: Link) -> "SlidingComposition":
-        """Add the link of a new slot."""
-        return SlidingComposition(self.old, (*self.new, link), compose(self.running, link))
-
-    def pop(self) -> "SlidingComposition":
-        """Drop the oldest link."""
-        if self.old:
-            return SlidingComposition(self.old[:-1], self.new, self.running)
-        turned: list[Link] = []
-        for link in reversed(self.new[1:]):
-            turned.append(compose(link, turned[-1] if turned else None))
-        return SlidingComposition(tuple(turned))
-
-    def composed(self) -> Link:
-        """Return the map from the newest slot's order to that of the oldest link."""
-        return compose(self.old[-1], self.running) if self.old else self.running
-
-
 class Queue(NamedTuple):
-    """An immutable queue of slots."""
+    """An immutable queue of slots.
+
+    The links after the present are held as two halves, too, so that their composition costs the
+    same for a queue of any length: ``old`` has the composition from each link of the older half to
+    that half's end, ``new`` that of all others. Once ``old`` is used up, ``new`` is turned into it.
+    """
 
     slots: tuple[States, ...]  # the states as they were drawn, (d, n) each, oldest first
     links: tuple[Link, ...] = ()  # links[i] maps the order of slot i + 1 to that of slot i
     pending: Link = None  # from the current order to that of the newest slot
     present: int = 0  # the index of x_t among the slots
-    future: SlidingComposition = SlidingComposition()  # of the links after it
+    old: tuple[Link, ...] = ()  # the first link's is the last
+    new: Link = None
 
     @classmethod
     def of(cls, states: Sequence[States]) -> "Queue":
@@ -82,27 +60,30 @@ class Queue(NamedTuple):
     def resampled(self, ancestors: Indices) -> "Queue":
         """Keep the whole queues of these particles, (n,)."""
         pending = ancestors if self.pending is None else self.pending[ancestors]
-        return Queue(self.slots, self.links, pending, self.present, self.future)
+        return Queue(self.slots, self.links, pending, self.present, self.old, self.new)
 
     def appended(self, states: States) -> "Queue":
         """Add a newest state, (d, n)."""
         slots, links = (*self.slots, states), (*self.links, self.pending)
-        return Queue(slots, links, None, self.present, self.future.push(self.pending))
+        return Queue(slots, links, None, self.present, self.old, compose(self.new, self.pending))
 
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
+        old, new = self.old[:-1], self.new
+        if not self.old:
+            later = reversed(self.links[self.present + 1 :])
+            turned = accumulate(later, lambda after, link: compose(link, after))
+            old, new = tuple(turned), None
         first = max(0, self.present + 1 - past)
         slots, links, present = self.slots[first:], self.links[first:], self.present + 1 - first
-        return Queue(slots, links, self.pending, present, self.future.pop())
+        return Queue(slots, links, self.pending, present, old, new)
 
     def cut(self, keep: int) -> "Queue":
         """Forget the states more than ``keep`` after the present, the current order unchanged."""
         last = self.present + keep
-        links, future = self.links[:last], SlidingComposition()
-        for link in links[self.present :]:
-            future = future.push(link)
-        slots, pending = self.slots[: last + 1], self._order(last)
-        return Queue(slots, links, pending, self.present, future)
+        slots, links, pending = self.slots[: last + 1], self.links[:last], self._order(last)
+        new = reduce(compose, links[self.present :], None)
+        return Queue(slots, links, pending, self.present, (), new)
 
     def at(self, offset: int) -> States | None:
         """Return the states at ``offset`` from the present, (d, n), as a fresh array, or None."""
@@ -129,7 +110,8 @@ class Queue(NamedTuple):
         """Return the map from the current order to that of slot ``index``."""
         order, links = self.pending, self.links[index:]
         if links and index <= self.present:
-            order = compose(self.future.composed(), order)
+            after = compose(self.old[-1], self.new) if self.old else self.new
+            order = compose(after, order)
             links = links[: self.present - index]
         for link in reversed(links):
             order = compose(link, order)

@@ -18,8 +18,8 @@ from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.validation import number
 from localizers.api import Motion
 from localizers.inference.belief import ParticleBelief, PlanReading
-from localizers.inference.particles import Actions, Feasibility, LogWeights, States
-from localizers.models.feasibility import PlanSensor, charges
+from localizers.inference.particles import Actions, LogWeights, States
+from localizers.models.feasibility import CostMap, PlanSensor, charges
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Rollout:
     """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s); g = 1 without one."""
 
     motion: Motion
-    feasibility: Feasibility | None = None
+    feasibility: CostMap | None = None
 
     def futures(
         self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator

@@ -114,7 +114,6 @@ class Hedge:
         plan: Actions,
         rng: np.random.Generator,
     ) -> HedgedBelief:
-        """Return the belief after one action and one scan; see ``ParticleFilter.step``."""
         s, stream = self.switching, rng.spawn(1)[0]
         log_odds = switched(belief.log_odds, s)
         advised, protected = belief.advised, belief.protected
@@ -228,13 +227,11 @@ class Plugged:
     localizer: Localizer
 
     def initial(self, prior: Prior, plan: Actions, rng: np.random.Generator) -> Belief:
-        """Reset it."""
         return self.localizer.reset(prior, plan, rng)
 
     def step(
         self, belief: Belief, scan: Scan, action: Action, plan: Actions, rng: np.random.Generator
     ) -> Belief:
-        """Update it."""
         return self.localizer.update(scan.ranges, action, plan)
 
 
@@ -259,14 +256,5 @@ def hedged(
         member.filter if isinstance(member, FilterLocalizer) else Plugged(member)
         for member in (advised, protected)
     ]
-    return FilterLocalizer(
-        robot,
-        Hedge(
-            advised=members[0],
-            protected=members[1],
-            switching=switching,
-            trust=trust,
-            mutual=mutual,
-            own_plans=own_plans,
-        ),
-    )
+    how: Any = {"switching": switching, "trust": trust, "mutual": mutual, "own_plans": own_plans}
+    return FilterLocalizer(robot, Hedge(advised=members[0], protected=members[1], **how))

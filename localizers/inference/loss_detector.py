@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Self
 
 import numpy as np
 
@@ -16,10 +17,10 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
-from deqmcl_gym.validation import InputError, digits, number
+from deqmcl_gym.validation import number
 from localizers.inference.particles import Actions, log_sum_exp
 from localizers.models.prior import even_poses
-from localizers.models.scan import LidarScan, Scan, ScanModel, ScanTable
+from localizers.models.scan import LidarScan, Scan, ScanModel
 
 LOST = 0.01  # probability of getting lost, per step
 FOUND_AGAIN = 0.01  # probability of being found again, per step
@@ -57,8 +58,8 @@ class LossDetector:
     def of(cls, model: ScanModel, floor_plan: Map) -> "LossDetector":
         """Return the detector before the first scan, for a localizer with this scan model."""
         poses = even_poses(floor_plan, 128)
-        if isinstance(model, LidarScan):  # its rays are cast once
-            return cls(ScanTable(model, poses).log_likelihood)
+        if isinstance(model, LidarScan):
+            return cls(model.at(poses))
         return cls(partial(model.log_likelihood, poses))
 
     def scanned(self, scan: Scan, log_evidence: float) -> "LossDetector":
@@ -94,17 +95,22 @@ class Averages:
 
     def __post_init__(self) -> None:
         number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
-        number("recovery_alpha_fast", self.alpha_fast, low=0, high=1)
-        if self.alpha_fast < self.alpha_slow:
-            raise InputError(
-                f"recovery_alpha_fast is {digits(self.alpha_fast)}, but must be at least "
-                f"recovery_alpha_slow, {digits(self.alpha_slow)}."
-            )
+        what = "recovery_alpha_fast, not below recovery_alpha_slow,"
+        number(what, self.alpha_fast, low=self.alpha_slow, high=1)
 
     @property
     def share(self) -> float:
         """Probability that a draw is a random pose."""
         return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
+
+    def towards(self, likelihood: float, at_least: float) -> Self:
+        """Return the averages after a scan, their rates at least so much: 1 begins anew."""
+        slow, fast = max(self.alpha_slow, at_least), max(self.alpha_fast, at_least)
+        return replace(
+            self,
+            slow=self.slow + slow * (likelihood - self.slow),
+            fast=self.fast + fast * (likelihood - self.fast),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,13 +134,7 @@ class Recovery(Averages):
         size = float(arrays.exp(-abs(log_beam)))
         likelihood = size if log_beam <= 0 else 1.0 / size
         scans = self.scans + 1
-        slow, fast = max(self.alpha_slow, 1 / scans), max(self.alpha_fast, 1 / scans)
-        return replace(
-            self,
-            slow=self.slow + slow * (likelihood - self.slow),
-            fast=self.fast + fast * (likelihood - self.fast),
-            scans=scans,
-        )
+        return replace(self.towards(likelihood, 1 / scans), scans=scans)
 
 
 @dataclass(frozen=True)

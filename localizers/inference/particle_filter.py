@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.validation import InputError
-from localizers.api import Motion
+from deqmcl_gym.validation import InputError, integer
+from localizers.api import Motion, Prior
 from localizers.inference.belief import FilteredEvents, ParticleBelief, Queue
 from localizers.inference.futures import Lookahead, PlanEvidence, Redraw, Rollout, agreeing
 from localizers.inference.loss_detector import LossDetector, Recovery, Watch
@@ -15,20 +15,19 @@ from localizers.inference.particles import (
     Action,
     Actions,
     BeamFilter,
-    Feasibility,
-    Initial,
     Resampling,
     normalized_with_log_sum,
     pointed_at,
     power_that_keeps,
 )
+from localizers.models.feasibility import CostMap
 from localizers.models.scan import Scan, ScanModel
 
 MAX_PARTICLES = 10_000_000
 
 
 def initial_cloud(
-    prior: Initial, count: int, dtype: Any, plan: Actions, rng: np.random.Generator
+    prior: Prior, count: int, dtype: Any, plan: Actions, rng: np.random.Generator
 ) -> ParticleBelief:
     """Return draws from a prior as a belief without a queued future."""
     states = np.ascontiguousarray(prior.sample(count, rng).T, dtype=dtype)
@@ -79,7 +78,7 @@ class Injection:
     """
 
     recovery: Recovery
-    poses: Initial
+    poses: Prior
     start: InformedStart | None = None
 
     def begun(self, belief: ParticleBelief, plan: Actions) -> ParticleBelief:
@@ -130,7 +129,7 @@ class ParticleFilter:
     scan: ScanModel
     resampling: Resampling
     particles: int  # n
-    feasibility: Feasibility | None = None  # g; None: g = 1, no step is charged
+    feasibility: CostMap | None = None  # g; None: g = 1, no step is charged
     past: int = 0  # L, how many states before the present are kept, and thereby smoothed
     future: int = 0  # F, how many planned steps are looked ahead
     pilots: int = 16  # rollouts per particle when the plan changes; see ``Redraw``
@@ -148,20 +147,14 @@ class ParticleFilter:
     dtype: Any = np.float32  # of the states
 
     def __post_init__(self) -> None:
-        if self.particles > MAX_PARTICLES:
-            slots = self.past + 1 + self.future
-            gibibytes = self.particles * slots * (3 * 4 + 8) / 2**30  # a queued pose and its link
-            raise InputError(
-                f"particles is {self.particles:,}, which would take {gibibytes:,.0f} GiB; "
-                f"allowed values: 1 to {MAX_PARTICLES:,}."
-            )
+        integer("particles", self.particles, low=1, high=MAX_PARTICLES)
         if self.start is not None and self.particles * self.start.draws > MAX_PARTICLES:
             raise InputError(
                 f"start_draws is {self.start.draws:,} for each of {self.particles:,} particles, "
                 f"but at most {MAX_PARTICLES:,} draws are allowed in total: give fewer."
             )
 
-    def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
+    def initial(self, prior: Prior, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior, their future rolled out by the plan.
 
         x_0 has no scan and no charge. The prior has a random stream of its own, so that all filters

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from deqmcl_gym.numerics import Floats, Indices, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import integer, number
 from localizers.models.scan import Scan
 
 States = NDArray[Any]  # (d, n)
@@ -24,13 +24,6 @@ LogWeights = Floats  # (n,)
 Weights = Floats  # (n,), with sum 1
 Action = Floats  # (k,)
 Actions = Floats  # (steps, k)
-
-
-class Initial(Protocol):
-    """p(x_0)."""
-
-    def sample(self, n: int, rng: np.random.Generator) -> NDArray[Any]:
-        """Draw n states, (n, d)."""
 
 
 class BeamFilter(Protocol):
@@ -41,13 +34,6 @@ class BeamFilter(Protocol):
 
         The belief is the particles' states, moved, (d, n), and their log-weights, (n,).
         """
-
-
-class Feasibility(Protocol):
-    """g(x', x), how feasible the step x' → x is on the map."""
-
-    def log_g(self, before: States, after: States) -> LogWeights:
-        """Log g of each step, (n,)."""
 
 
 @compiled
@@ -191,11 +177,7 @@ def multinomial(weights: Weights, rng: np.random.Generator) -> Indices:
     return pointed_at(weights, np.sort(rng.random(weights.size)))
 
 
-SCHEMES: dict[str, Scheme] = {
-    "systematic": systematic,
-    "stratified": stratified,
-    "multinomial": multinomial,
-}
+SCHEMES: dict[str, Scheme] = {one.__name__: one for one in (systematic, stratified, multinomial)}
 
 
 @dataclass(frozen=True)
@@ -313,12 +295,8 @@ class KldSampling:
     bin_size: tuple[float, float, float]  # of x and y, in the map's unit, and of θ, rad
 
     def __post_init__(self) -> None:
-        integer("min_particles", self.least, low=1)
         integer("max_particles", self.most, low=1)
-        if self.least > self.most:
-            raise InputError(
-                f"min_particles is {self.least}, but must be at most max_particles, {self.most}."
-            )
+        integer("min_particles, at most max_particles,", self.least, low=1, high=self.most)
         number("pf_err", self.error, low=0, above=True)
         number("pf_z", self.quantile)
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps.map import pixel, scaled
+from deqmcl_gym.maps.map import metre, scaled
 from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
 from localizers.api import Motion, Prior
@@ -28,13 +28,7 @@ from localizers.inference.particle_filter import MAX_PARTICLES
 from localizers.inference.particles import BeamFilter, KldSampling
 from localizers.models import RobotModel
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed_increment, moved
-from localizers.models.nav2_scan import (
-    BeamCubes,
-    BeamSkipping,
-    LikelihoodField,
-    LikelihoodFieldProb,
-    metres_in,
-)
+from localizers.models.nav2_scan import BeamCubes, BeamSkipping, LikelihoodField
 from localizers.models.prior import random_poses
 from localizers.models.scan import ScanModel
 
@@ -50,22 +44,16 @@ def has_moved(since: Floats, heading: float, distance: float, angle: float) -> b
     return bool(max(abs(x), abs(y)) > distance or abs(turn) > angle)
 
 
-@dataclass(frozen=True, kw_only=True)
-class WeightAverages(Averages):
-    """``Averages`` of the mean weight of a cloud's particles after a scan, not yet normalised.
+def averages_after(averages: Averages, log_evidence: float, particles: int) -> Averages:
+    """Return averages of the mean weight of a cloud's particles after a scan, not yet normalised.
 
     Each weighs 1 / n before the scan, so the mean falls as n grows. After random poses were drawn
     the averages start anew; the first scan sets both. Source: pf.c.
     """
-
-    def after(self, log_evidence: float, particles: int) -> "WeightAverages":
-        """Return the averages after a scan of mean weight exp(log_evidence) in a cloud of n."""
-        mean = float(arrays.exp([log_evidence])[0]) / particles
-        if not 0.0 < mean < math.inf:
-            return self
-        slow = self.slow + self.alpha_slow * (mean - self.slow) if self.slow > 0 else mean
-        fast = self.fast + self.alpha_fast * (mean - self.fast) if self.fast > 0 else mean
-        return replace(self, slow=slow, fast=fast)
+    mean = float(arrays.exp([log_evidence])[0]) / particles
+    if not 0.0 < mean < math.inf:
+        return averages
+    return averages.towards(mean, at_least=0.0 if averages.slow > 0 else 1.0)
 
 
 @dataclass(frozen=True)
@@ -75,7 +63,7 @@ class _Running:
     belief: ParticleBelief
     since: Floats  # the increment since the latest update, (3,)
     heading: float  # the odometry's at it, rad
-    averages: WeightAverages
+    averages: Averages
     updates: int
     converged: bool  # whether the cloud was small when it was last resampled
     rng: np.random.Generator
@@ -94,7 +82,7 @@ class AdaptiveLocalizer:
     motion: Motion
     scan: ScanModel
     kld: KldSampling
-    averages: WeightAverages
+    averages: Averages
     interval: int  # updates between two resamplings
     selective: bool  # whether to resample only if ESS ≤ N / 2
     distance: float  # in the map's unit; this or ``angle`` is exceeded before each update
@@ -117,7 +105,6 @@ class AdaptiveLocalizer:
         return belief
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> ParticleBelief:
-        """Advance one step; see ``Localizer.update``."""
         now = require_reset(self._running)
         scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
         since = composed_increment(now.since, command)
@@ -134,7 +121,7 @@ class AdaptiveLocalizer:
         )
         averages = now.averages
         if scan.beams > 0:
-            averages = averages.after(weighed.scan_log_evidence, cloud.shape[1])
+            averages = averages_after(averages, weighed.scan_log_evidence, cloud.shape[1])
         heading = float(arrays.wrapped([now.heading + float(since[2])])[0])
         running = _Running(
             weighed, np.zeros(3), heading, averages, now.updates + 1, now.converged, now.rng
@@ -167,7 +154,7 @@ class AdaptiveLocalizer:
             now,
             belief=cloud,
             averages=replace(now.averages, slow=0.0, fast=0.0) if share > 0 else now.averages,
-            converged=float(off.max()) * metres_in(self.robot.floor_plan) <= 0.5,  # m: pf.c
+            converged=float(off.max()) * (1 / metre(self.robot.floor_plan.unit)) <= 0.5,  # m: pf.c
         )
 
 
@@ -233,7 +220,7 @@ def amcl(
 ) -> AdaptiveLocalizer:
     """Return Nav2's AMCL, with its units: metres on a map in px, too (1 px is 0.02 m)."""
     integer("max_particles", max_particles, low=1, high=MAX_PARTICLES)
-    fields = {"likelihood_field": LikelihoodField, "likelihood_field_prob": LikelihoodFieldProb}
+    fields = "likelihood_field", "likelihood_field_prob"
     one_of("laser_model_type", laser_model_type, (*fields, "beam", "robot"))
     one_of("robot_model_type", robot_model_type, (DIFFERENTIAL, OMNI, "robot"))
     boolean("do_beamskip", do_beamskip)
@@ -246,34 +233,34 @@ def amcl(
     number("beam_skip_threshold", beam_skip_threshold, low=0, high=1)
     number("beam_skip_error_threshold", beam_skip_error_threshold, low=0, high=1)
     plan, lidar = robot.floor_plan, robot.lidar
-    metre = pixel(plan.unit) / pixel("m")  # in the map's unit
+    size = metre(plan.unit)
     alphas = {"alpha1": alpha1, "alpha2": alpha2, "alpha3": alpha3, "alpha4": alpha4}
     motions: dict[str, Motion] = {
-        DIFFERENTIAL: scaled(DifferentialMotion(**alphas), metre),
-        OMNI: scaled(OmniMotion(**alphas, alpha5=alpha5), metre),
+        DIFFERENTIAL: scaled(DifferentialMotion(**alphas), size),
+        OMNI: scaled(OmniMotion(**alphas, alpha5=alpha5), size),
         "robot": robot.motion,
     }
-    sigma = number("sigma_hit", sigma_hit, low=0, above=True) * metre
+    sigma = number("sigma_hit", sigma_hit, low=0, above=True) * size
     scan: ScanModel
     if laser_model_type == "robot":
         scan = robot.scan_model()
     elif laser_model_type == "beam":
         scan = BeamCubes(
             floor_plan=plan, lidar=lidar, hit=z_hit, short=z_short, max=z_max, rand=z_rand,
-            sigma=sigma, decay=number("lambda_short", lambda_short, low=0) / metre,
+            sigma=sigma, decay=number("lambda_short", lambda_short, low=0) / size,
             max_beams=max_beams,
         )  # fmt: skip
     else:
         farthest = number("laser_likelihood_max_dist", laser_likelihood_max_dist, low=0, above=True)
-        scan = fields[laser_model_type](
-            floor_plan=plan, lidar=lidar, sigma=sigma, farthest=farthest * metre, hit=z_hit,
-            rand=z_rand, max_beams=max_beams,
-            cell=number("field_cell", field_cell, low=0, above=True) * metre,
+        scan = LikelihoodField(
+            floor_plan=plan, lidar=lidar, sigma=sigma, farthest=farthest * size, hit=z_hit,
+            rand=z_rand, max_beams=max_beams, product=laser_model_type == fields[1],
+            cell=number("field_cell", field_cell, low=0, above=True) * size,
         )  # fmt: skip
     skipping = None
-    if do_beamskip and isinstance(scan, LikelihoodFieldProb):
+    if do_beamskip and isinstance(scan, LikelihoodField) and scan.product:
         skipping = BeamSkipping(
-            field=scan, distance=beam_skip_distance * metre, threshold=beam_skip_threshold,
+            field=scan, distance=beam_skip_distance * size, threshold=beam_skip_threshold,
             error_threshold=beam_skip_error_threshold,
         )  # fmt: skip
     return AdaptiveLocalizer(
@@ -285,12 +272,12 @@ def amcl(
             most=max_particles,
             error=pf_err,
             quantile=pf_z,
-            bin_size=(0.5 * metre, 0.5 * metre, math.pi / 18),  # pf_kdtree.c
+            bin_size=(0.5 * size, 0.5 * size, math.pi / 18),  # pf_kdtree.c
         ),
-        averages=WeightAverages(alpha_slow=recovery_alpha_slow, alpha_fast=recovery_alpha_fast),
+        averages=Averages(alpha_slow=recovery_alpha_slow, alpha_fast=recovery_alpha_fast),
         interval=integer("resample_interval", resample_interval, low=1),
         selective=boolean("selective_resampling", selective_resampling),
-        distance=number("update_min_d", update_min_d, low=0) * metre,
+        distance=number("update_min_d", update_min_d, low=0) * size,
         angle=number("update_min_a", update_min_a, low=0),
         skipping=skipping,
     )

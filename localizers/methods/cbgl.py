@@ -14,16 +14,14 @@ import numpy as np
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Singles, arrays
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import integer, number
 from localizers.api import Prior
 from localizers.inference.belief import ParticleBelief, Queue
 from localizers.inference.particle_filter import MAX_PARTICLES, ParticleFilter
 from localizers.inference.particles import Action, Actions, States, log_evidence
 from localizers.methods.deq_mcl import ON_THE_MAP, Shared, mcl, mcl_map, method
 from localizers.models import RobotModel
-from localizers.models.scan import Scan
-
-_BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
+from localizers.models.scan import Scan, in_blocks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,18 +34,18 @@ class AbsoluteError:
 
     def __call__(self, states: States, scan: Scan) -> Floats:
         """Error of each pose (3, n), in the map's unit, (n,)."""
-        states = np.ascontiguousarray(states, np.float32)
-        n, measured = states.shape[1], scan.ranges[scan.usable][:, None]
-        out = np.empty(n)
-        for start in range(0, n, _BLOCK):
-            some = np.ascontiguousarray(states[:, start : start + _BLOCK])
+        measured = scan.ranges[scan.usable][:, None]
+
+        def off(block: States) -> Floats:
+            some = np.ascontiguousarray(block, np.float32)
             expected = np.empty((scan.beams, some.shape[1]), np.float32)
             self.lidar.cast(self.floor_plan.cast, some, expected, scan.usable)
             seen = np.minimum(expected, self.lidar.max_range)
             error = np.abs(measured - seen).sum(axis=0)
             fits = self.floor_plan.free(some.T, self.radius) & ~np.isnan(error)
-            out[start : start + _BLOCK] = np.where(fits, error, math.inf)
-        return out
+            return np.where(fits, error, math.inf)
+
+        return in_blocks(off, states)
 
     def matched(self, states: States, scan: Scan) -> tuple[Singles, Floats]:
         """Return poses (3, n), each climbed down its error, and the errors, (n,), none grown.
@@ -105,7 +103,6 @@ class FirstFix:
         plan: Actions,
         rng: np.random.Generator,
     ) -> ParticleBelief:
-        """Return the belief after one action and one scan; see ``ParticleFilter.step``."""
         if belief.fixed:
             return self.tracker.step(belief, scan, action, plan, rng)
         states = self.tracker.motion.sample(belief.present, action, rng)
@@ -161,21 +158,15 @@ def cbgl(
     """
     px = pixel(robot.floor_plan.unit)
     poses = integer("poses", poses, low=1, high=MAX_PARTICLES)
-    if integer("matched", matched, low=1) > poses:
-        raise InputError(
-            f"matched is {matched:,}, but only {poses:,} poses are drawn: give as many or fewer."
-        )
-    if integer("modes", modes, low=1) > matched:
-        raise InputError(
-            f"modes is {modes:,}, but only {matched:,} poses are matched: give as many or fewer."
-        )
+    matched = integer("matched, of the poses that are drawn,", matched, low=1, high=poses)
+    modes = integer("modes, of the poses that are matched,", modes, low=1, high=matched)
     error = AbsoluteError(floor_plan=robot.floor_plan, lidar=robot.lidar, radius=robot.radius)
     return FirstFix(
         tracker=mcl_map.build(robot, shared),
         error=error,
         poses=poses,
-        matched=int(matched),
-        modes=int(modes),
+        matched=matched,
+        modes=modes,
         spread=12.5 * px if spread is None else number("spread", spread, low=0),
         spread_heading=number("spread_heading", spread_heading, low=0),
     )

@@ -201,7 +201,6 @@ class GaussianBelief(NamedTuple):
 
     @property
     def quality(self) -> float:
-        """P(not lost | o_{1:t}), in [0, 1]."""
         return self.detector.quality
 
 
@@ -231,7 +230,6 @@ class KalmanFilter:
         plan: Floats,
         rng: np.random.Generator,
     ) -> GaussianBelief:
-        """Return the belief after one increment (3,) and one scan."""
         mean, covariance = belief.mean.copy(), belief.covariance.copy()
         way, turn = distance_and_bearing(action), float(action[2])
         predict(mean, covariance, *way, turn, *self.motion.spread(action))
@@ -324,7 +322,6 @@ class DeadReckoning:
         self._driven: list[Pose] | None = None
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
-        """Start at the prior's mean; see ``Localizer.reset``."""
         checked_rng(rng)
         if (mean := getattr(prior, "mean", None)) is None:
             raise InputError(
@@ -336,7 +333,6 @@ class DeadReckoning:
         return track
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> _Track:
-        """Add one command; see ``Localizer.update``."""
         driven = require_reset(self._driven)
         command, ahead = checked_action(action), checked_plan(plan)
         if len(driven) >= 2 * _KEPT:

@@ -16,9 +16,9 @@ from localizers.inference.futures import Foresight, PlanEvidence
 from localizers.inference.hedge import Hedge
 from localizers.inference.loss_detector import LossDetector, Recovery
 from localizers.inference.particle_filter import InformedStart, Injection, ParticleFilter
-from localizers.inference.particles import SCHEMES, Feasibility, Resampling
+from localizers.inference.particles import SCHEMES, Resampling
 from localizers.models import RobotModel
-from localizers.models.feasibility import CostMap, FreeSpace, PlanSensor
+from localizers.models.feasibility import CostMap, PlanSensor
 from localizers.models.prior import UniformPrior
 
 ON_THE_MAP = ("inflation_radius", "cost_scaling_factor")  # what a step costs
@@ -32,6 +32,15 @@ FOR_THE_LOST = (
 )  # parameters of the methods that can find a lost robot
 _KEEP = "least share of effective particles that a plan leaves, κ, 0 to 1; 0 is exact"
 _CHARGE = "always, or new: each planned step once, when it comes into view"
+
+
+def refuse_idle(name: str, value: object, needed: str) -> None:
+    """Refuse a parameter that is given, not None, without what it is used with."""
+    if value is not None:
+        raise InputError(
+            f"{name} is {shown(value)}, but it is used only with {needed}: give that, or leave "
+            f"{name} out."
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,35 +95,19 @@ class Shared:
         number("start_jitter", self.start_jitter, low=0)
         number("scan_keep", self.scan_keep, low=0, high=1)
         keep_plain(self)
-        if self.start_jitter > 0 and self.start_draws == 1:
-            raise InputError(
-                f"start_jitter is {self.start_jitter:g}, but it is used only if start_draws is "
-                "2 or more: give start_draws, or leave start_jitter out."
-            )
-        if self.cost_scaling_factor is not None and self.inflation_radius is None:
-            raise InputError(
-                f"cost_scaling_factor is {shown(self.cost_scaling_factor)}, but it is used only "
-                "with an inflation_radius: give one, or leave cost_scaling_factor out."
-            )
-
-    @property
-    def resampling(self) -> Resampling:
-        """When to resample, and how."""
-        scheme = SCHEMES[one_of("resampler", self.resampler, SCHEMES)]
-        return Resampling(scheme, self.ess_threshold)
-
-    def feasibility(self, robot: RobotModel) -> Feasibility:
-        """What a step is charged."""
-        floor_plan, radius = robot.floor_plan, robot.radius
-        beta = robot.beta if self.beta is None else self.beta
+        if self.start_draws == 1:
+            refuse_idle("start_jitter", self.start_jitter or None, "start_draws of 2 or more")
         if self.inflation_radius is None:
-            return FreeSpace(floor_plan=floor_plan, radius=radius, beta=beta)
+            refuse_idle("cost_scaling_factor", self.cost_scaling_factor, "an inflation_radius")
+
+    def feasibility(self, robot: RobotModel) -> CostMap:
+        """What a step is charged."""
         return CostMap(
-            floor_plan=floor_plan,
-            radius=radius,
+            floor_plan=robot.floor_plan,
+            radius=robot.radius,
             inflation_radius=self.inflation_radius,
-            cost_scaling_factor=self.cost_scaling_factor,
-            beta=beta,
+            cost_scaling_factor=self.cost_scaling_factor,  # type: ignore[arg-type]
+            beta=robot.beta if self.beta is None else self.beta,
         )
 
     def sensor(self, robot: RobotModel) -> PlanSensor:
@@ -186,11 +179,11 @@ def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
 
     Dellaert et al. 1999; Thrun et al. 2005, table 8.2.
     """
-    scan = robot.scan_model()
+    scan, scheme = robot.scan_model(), SCHEMES[one_of("resampler", shared.resampler, SCHEMES)]
     return ParticleFilter(
         motion=robot.motion,
         scan=scan,
-        resampling=shared.resampling,
+        resampling=Resampling(scheme, shared.ess_threshold),
         particles=shared.particles,
         beams=beam_filter(shared.beam_filter, robot),
         detector=LossDetector.of(scan, robot.floor_plan),
@@ -288,12 +281,8 @@ def deq_mcl_fresh(
         keep, charge = 0.8 if keep is None else keep, "new" if charge is None else charge
         base = mcl_plan.build(robot, shared, keep=keep, charge=charge)
     else:
-        for name, value in {"keep": keep, "charge": charge}.items():
-            if value is not None:
-                raise InputError(
-                    f"{name} is {value!r}, but it is used only with evidence = 'plan': give that, "
-                    f"or leave {name} out."
-                )
+        refuse_idle("keep", keep, "evidence = 'plan'")
+        refuse_idle("charge", charge, "evidence = 'plan'")
         base = mcl_map_smoother.build(robot, shared)
     ahead = Foresight(
         rollout=base.rollout,

@@ -6,6 +6,7 @@ keeps its mean exactly, and adds up to a quarter of a cell² of variance per axi
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, NamedTuple
@@ -24,7 +25,7 @@ from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particles import pointed_at
 from localizers.models import RobotModel
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments, odometry
-from localizers.models.scan import LidarScan, Scan, ScanTable, normal_pdf
+from localizers.models.scan import LidarScan, Scan, normal_pdf
 
 EMPTY_CELL = 1e-140  # of less: below the normal numbers arithmetic takes 100 times as long
 _MAX_BYTES = 2**30
@@ -261,7 +262,6 @@ class GridBelief(NamedTuple):
 
     @property
     def quality(self) -> float:
-        """P(not lost | o_{1:t}), in [0, 1]."""
         return self.detector.quality
 
 
@@ -281,22 +281,19 @@ class GridFilter:
     def step(
         self, belief: GridBelief, scan: Scan, action: Floats, plan: Floats, rng: np.random.Generator
     ) -> GridBelief:
-        """Return the belief after one increment (3,) and one scan."""
         events = belief.events
         mass = self.motion.predicted(belief.mass, action)
         if not mass.any():  # all of it has left the map
             mass, events = belief.mass, events.plus(weight_collapses=1)
         after = np.empty_like(mass)
-        log_evidence = reweight(
-            mass.reshape(-1), self._table.log_likelihood(scan), after.reshape(-1)
-        )
+        log_evidence = reweight(mass.reshape(-1), self._log_likelihood(scan), after.reshape(-1))
         if log_evidence == -np.inf:
             after, events = mass / mass.sum(), events.plus(weight_collapses=1)
         return GridBelief(self.grid, after, belief.detector.scanned(scan, log_evidence), events)
 
     @cached_property
-    def _table(self) -> ScanTable:
-        return ScanTable(self.scan, self.grid.centres())
+    def _log_likelihood(self) -> Callable[[Scan], Floats]:
+        return self.scan.at(self.grid.centres())
 
 
 def grid(

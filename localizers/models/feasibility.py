@@ -1,45 +1,20 @@
 """How feasible a step is on the map, and a plan from a pose: nobody plans through walls.
 
 g(x', x) = exp(-β C(x', x)) is the paper's p(x_t | m), "based on the configuration space (C-space)
-or cost map": ``FreeSpace`` or ``CostMap``, where a step costs more the nearer to a wall it ends
-(nav2_costmap_2d, inflation_layer). p(π_t | x_t, m) is its product over the steps of a plan.
+or cost map": see ``CostMap``. p(π_t | x_t, m) is its product over the steps of a plan.
 """
 
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 
 from deqmcl_gym.maps import Map
-from deqmcl_gym.maps.map import PIXELS, pixel
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Floats, Ints, Singles, arrays
-from deqmcl_gym.validation import InputError, number
+from deqmcl_gym.validation import number
 from localizers.models.motion import increments
 
 
-@final
-@dataclass(frozen=True, kw_only=True)
-class FreeSpace:
-    """g = exp(-β) if the robot's disc, swept from x' to x, touches a wall or leaves free space.
-
-    The map-based motion model of the paper's eq. (1) with p(x_t | m) = exp(-β C), C in {0, 1} per
-    step. Thrun et al. 2005, section 5.5. β ≥ 0; 0 charges nothing, inf rejects the step outright.
-    """
-
-    floor_plan: Map
-    radius: float
-    beta: float = 10.0
-
-    def __post_init__(self) -> None:
-        number("beta", self.beta, low=0, finite=False)
-
-    def log_g(self, before: Singles, after: Singles) -> Floats:
-        """-β for each step that collides, else 0, (n,)."""
-        collides = self.floor_plan.collides(before.T, after.T, self.radius)
-        return np.where(collides, -self.beta, 0.0)
-
-
-@final
 @dataclass(frozen=True, kw_only=True)
 class PlanSensor:
     """Log p(π_t | x_t, m) = -β C(x_t, π_t), up to a constant; C planned steps collide.
@@ -86,49 +61,45 @@ def plan_path(plan: Floats) -> Singles:
     return path
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class CostMap:
-    """Log g = -β cost: 1 if the step x' → x collides, as in ``FreeSpace``, else the cost at x.
+    """Log g = -β cost: 1 if the disc, swept from x' to x, touches a wall or leaves free space.
 
-    That is exp(-cost_scaling_factor (d - radius)) up to d = inflation_radius from a wall, 0 beyond,
-    d the exact distance of the robot's centre; Nav2 takes that of cells. A step is charged for
-    where it ends, not for its way: a way is charged by the states along it, each once. β ≥ 0; at
-    inf every step that costs anything is rejected.
+    So it is the map-based motion model of the paper's eq. (1) with p(x_t | m) = exp(-β C), C in
+    {0, 1} per step; Thrun et al. 2005, section 5.5. With an ``inflation_radius`` other steps have
+    the cost at x, which is larger the nearer to a wall it is (nav2_costmap_2d, inflation_layer):
+    exp(-cost_scaling_factor (d - radius)) up to d = inflation_radius from a wall, 0 beyond, d the
+    exact distance of the robot's centre; Nav2 takes that of cells. A step is charged for where it
+    ends, not for its way: a way is charged by the states along it, each once. β ≥ 0; 0 charges
+    nothing, at inf every step that costs anything is rejected.
     """
 
     floor_plan: Map
     radius: float  # of the robot's disc, Nav2's inscribed radius
-    inflation_radius: float  # at least ``radius``; equal, nothing but a collision costs
-    cost_scaling_factor: float | None = None  # per unit of length; None is Nav2's 10 / m, 0.2 / px
+    inflation_radius: float | None = None  # at least ``radius``; None: only a collision costs
+    #: per unit of length; None is Nav2's 10 / m, 0.2 / px
+    cost_scaling_factor: float = None  # type: ignore[assignment]
     beta: float = 10.0
 
     def __post_init__(self) -> None:
         number("beta", self.beta, low=0, finite=False)
-        unit = self.floor_plan.unit
-        if self.cost_scaling_factor is not None:
-            number("cost_scaling_factor", self.cost_scaling_factor, low=0)
-        if number("inflation_radius", self.inflation_radius, low=0) < self.radius:
-            raise InputError(
-                f"inflation_radius is {self.inflation_radius:g} {unit}, but must be at least the "
-                f"robot's radius, {self.radius:g} {unit}: it is measured from the wall to the "
-                "robot's centre."
-            )
-
-    @property
-    def falloff(self) -> float:
-        """``cost_scaling_factor``, or its default."""
+        if self.inflation_radius is None:
+            return
+        what = "inflation_radius, from a wall to the robot's centre,"
+        number(what, self.inflation_radius, low=self.radius)
         if self.cost_scaling_factor is None:
-            return 10.0 * PIXELS["m"] / pixel(self.floor_plan.unit)
-        return self.cost_scaling_factor
+            object.__setattr__(self, "cost_scaling_factor", 10.0 / metre(self.floor_plan.unit))
+        number("cost_scaling_factor", self.cost_scaling_factor, low=0)
 
     def log_g(self, before: Singles, after: Singles) -> Floats:
         """-β cost of each step, (n,)."""
         collides = self.floor_plan.collides(before.T, after.T, self.radius)
+        if self.inflation_radius is None:
+            return np.where(collides, -self.beta, 0.0)
         distance = self.floor_plan.distance(after[:2].T).astype(np.float64)
         beyond = np.maximum(distance - self.radius, 0.0)
         near = (distance > self.radius) & (distance <= self.inflation_radius)
-        cost = np.where(near, arrays.exp(-self.falloff * beyond), 0.0)
+        cost = np.where(near, arrays.exp(-self.cost_scaling_factor * beyond), 0.0)
         cost[collides] = 1.0
         charge = np.zeros(cost.size)
         return np.multiply(cost, -self.beta, out=charge, where=cost > 0.0)  # -inf · 0 is no charge

@@ -4,7 +4,7 @@ An action is an increment (forward, left, turn): a turn, then a translation in t
 """
 
 from dataclasses import dataclass, field
-from typing import Self, final
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,7 +89,6 @@ def noisy_moves(
         out[0, i] = out[0, i] * ahead
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class OdometryMotion:
     """θ' = θ + φ + ε_φ; (x', y') = (x, y) + (d + ε_d) R(θ') (u, v).

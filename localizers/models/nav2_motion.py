@@ -6,10 +6,9 @@ turn + atan2(left, forward). Facts from Nav2's nav2_amcl/src/motion_model.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Any, Self, final
+from typing import Any, Self
 
 import numpy as np
 
@@ -30,7 +29,6 @@ from localizers.models.motion import (
 )
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class DifferentialMotion:
     """Turn by rot1, drive ρ, turn by rot2, each with noise; Thrun et al. 2005, table 5.6.
@@ -62,11 +60,7 @@ class DifferentialMotion:
         sd1 = np.sqrt(self.alpha1 * r1**2 + self.alpha2 * drive**2)
         sd_drive = np.sqrt(self.alpha3 * drive**2 + self.alpha4 * (r1**2 + r2**2))
         sd2 = np.sqrt(self.alpha1 * r2**2 + self.alpha2 * drive**2)
-        means = np.concatenate([rot1, drive, rot2]).astype(np.float32)
-        noise = _noise(states.shape[1], (sd1, sd_drive, sd2), rng)
-        after = np.empty_like(states)
-        _turned_and_driven(states, means, noise, after)
-        return after
+        return _drawn(_turned_and_driven, states, (rot1, drive, rot2), (sd1, sd_drive, sd2), rng)
 
     @property
     def turn_and_drive(self) -> OdometryMotion:
@@ -109,7 +103,6 @@ class DifferentialMotion:
         return cls(alpha1=alpha1, alpha2=alpha2, alpha3=alpha3, alpha4=alpha4)
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class OmniMotion:
     """Move along the increment and across it, and turn, each with noise, whatever the direction.
@@ -138,11 +131,8 @@ class OmniMotion:
         sd_along = np.sqrt(self.alpha3 * d + self.alpha4 * t)
         sd_turn = np.sqrt(self.alpha1 * t + self.alpha2 * d)
         sd_across = np.sqrt(self.alpha4 * t + self.alpha5 * d)
-        means = np.concatenate([bearing, drive, turn]).astype(np.float32)
-        noise = _noise(states.shape[1], (sd_along, sd_turn, sd_across), rng)
-        after = np.empty_like(states)
-        _moved_along(states, means, noise, after)
-        return after
+        sds = sd_along, sd_turn, sd_across
+        return _drawn(_moved_along, states, (bearing, drive, turn), sds, rng)
 
     @classmethod
     def fitted(cls, meant: Floats, done: Floats) -> Self:
@@ -172,9 +162,9 @@ class OmniMotion:
 
 
 MotionModel = OdometryMotion | DifferentialMotion | OmniMotion
-MOTION_MODELS: Mapping[str, type[MotionModel]] = MappingProxyType(
-    {"odometry": OdometryMotion, "differential": DifferentialMotion, "omni": OmniMotion}
-)
+MOTION_MODELS: Mapping[str, type[MotionModel]] = {
+    "odometry": OdometryMotion, "differential": DifferentialMotion, "omni": OmniMotion
+}  # fmt: skip
 
 
 def kind_of(motion: MotionModel) -> str:
@@ -229,13 +219,22 @@ def _either_way(turns: Floats) -> Floats:
     return np.minimum(size, np.pi - size)
 
 
-def _noise(n: int, sds: tuple[Floats, ...], rng: np.random.Generator) -> Singles:
-    """Draw normal numbers of the standard deviations given, (4, n), the last row unused."""
-    uniforms, noise = rng.random((2, n)), np.empty((4, n), np.float32)
+def _drawn(
+    move: Callable[..., None],
+    states: Singles,
+    means: tuple[Floats, ...],
+    sds: tuple[Floats, ...],
+    rng: np.random.Generator,
+) -> Singles:
+    """Return moved states, by three numbers of these means and standard deviations, (1,) each."""
+    n = states.shape[1]
+    # the last row is not used
+    uniforms, noise, after = rng.random((2, n)), np.empty((4, n), np.float32), np.empty_like(states)
     first, second, third = (float(sd[0]) for sd in sds)
     normal_pairs(uniforms[0], 0.0, first, 0.0, second, noise[0], noise[1])
     normal_pairs(uniforms[1], 0.0, third, 0.0, 0.0, noise[2], noise[3])
-    return noise
+    move(states, np.concatenate(means).astype(np.float32), noise, after)
+    return after
 
 
 @compiled

@@ -8,18 +8,18 @@ map's unit; densities of random readings are per metre on every map, as there.
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, NamedTuple, final
+from typing import NamedTuple
 
 import numpy as np
 
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.drive_kernels import to_nearest
-from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, pixel
+from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, metre
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, exp64, log64, sin64
 from deqmcl_gym.validation import InputError, integer
-from localizers.models.scan import Scan
+from localizers.models.scan import Scan, in_blocks
 
 
 @compiled
@@ -107,7 +107,6 @@ def beams_cubed(
 
 
 MOST_CELLS = 20_000_000
-_BLOCK = 8192  # poses at a time
 
 
 class DistanceTable(NamedTuple):
@@ -155,8 +154,12 @@ class DistanceTable(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Field:
-    """q = z_hit exp(-d² / 2σ²) + z_rand / max_range of each beam, by the distance d of its end."""
+class LikelihoodField:
+    """w by q = z_hit exp(-d² / 2σ²) + z_rand / max_range of each beam, d the distance of its end.
+
+    w ∝ 1 + Σ q³ over beams: blunt, so it rarely loses a robot; likelihood_field_model.cpp. Or the
+    product of q, as if beams were independent: likelihood_field_model_prob.cpp.
+    """
 
     floor_plan: Map
     lidar: Lidar
@@ -166,8 +169,7 @@ class _Field:
     rand: float = 0.5
     max_beams: int = 60  # at least 2
     cell: float  # edge of the table's cells on a map of polygons
-
-    _cubes: ClassVar[bool]  # whether they, or else logarithms, are added up over beams
+    product: bool = False
 
     def __post_init__(self) -> None:
         integer("max_beams", self.max_beams, low=2)
@@ -180,7 +182,9 @@ class _Field:
 
     @property
     def step(self) -> int:
-        """Every step-th beam is looked at."""
+        """Every step-th beam is looked at; the product's model alone rounds up."""
+        if self.product:
+            return max(1, math.ceil(self.lidar.beams / self.max_beams))
         return _every(self.lidar.beams, self.max_beams)
 
     def informative(self, ranges: Floats) -> Bools:
@@ -201,39 +205,20 @@ class _Field:
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log w of each pose (3, n) of the robot for a scan, (n,)."""
-        out, edge = np.zeros(states.shape[1]), self.table.frame[-1]
+        edge = self.table.frame[-1]
         cut, scale = (self.farthest / edge) ** 2, -0.5 * (edge / self.sigma) ** 2
-        rand = self.rand / (self.lidar.max_range * metres_in(self.floor_plan))
-        if self.informative(scan.ranges).any():
-            for start in range(0, out.size, _BLOCK):
-                some = slice(start, start + _BLOCK)
-                squares = self.squares(states[:, some], scan.ranges)
-                weigh(squares, cut, scale, self.hit, rand, self._cubes, out[some])
-        return out
+        rand = self.rand / (self.lidar.max_range * (1 / metre(self.floor_plan.unit)))
+
+        def weighed(some: Singles) -> Floats:
+            out, squares = np.zeros(some.shape[1]), self.squares(some, scan.ranges)
+            weigh(squares, cut, scale, self.hit, rand, not self.product, out)
+            return out
+
+        if not self.informative(scan.ranges).any():
+            return np.zeros(states.shape[1])
+        return in_blocks(weighed, states)
 
 
-@final
-@dataclass(frozen=True, kw_only=True)
-class LikelihoodField(_Field):
-    """w ∝ 1 + Σ over beams of q³: blunt, so it rarely loses a robot; likelihood_field_model.cpp."""
-
-    _cubes = True
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class LikelihoodFieldProb(_Field):
-    """w ∝ Π over beams of q, as if they were independent: likelihood_field_model_prob.cpp."""
-
-    _cubes = False
-
-    @property
-    def step(self) -> int:
-        """Every step-th beam is looked at; this model alone rounds up."""
-        return max(1, math.ceil(self.lidar.beams / self.max_beams))
-
-
-@final
 @dataclass(frozen=True, kw_only=True)
 class BeamSkipping:
     """Leave out beams that end near a wall from too few particles: people, not the map.
@@ -241,13 +226,11 @@ class BeamSkipping:
     A beam agrees with a particle if its end is nearer than ``distance`` to a wall. It is kept if
     more than ``threshold`` of the particles agree. If ``error_threshold`` of ``max_beams`` or more
     would be left out, the cloud itself may be wrong, and all are kept. Beams without a return are
-    among those left out, as are those that a small scan lacks.
-
-    Source: likelihood_field_model_prob.cpp.
-
+    among those left out, as are those that a small scan lacks. Source:
+    likelihood_field_model_prob.cpp.
     """
 
-    field: LikelihoodFieldProb
+    field: LikelihoodField  # with ``product``
     distance: float
     threshold: float
     error_threshold: float
@@ -255,17 +238,13 @@ class BeamSkipping:
     def kept(self, states: Singles, log_weights: Floats, scan: Scan) -> Scan:
         """Return the scan without the beams that the cloud (3, n), by its numbers, leaves out."""
         field = self.field
-        counted = field.informative(scan.ranges)
         near = field.squares(states, scan.ranges) < (self.distance / field.table.frame[-1]) ** 2
         agreeing = near.sum(axis=1) / states.shape[1] > self.threshold
         if field.max_beams - int(agreeing.sum()) >= field.max_beams * self.error_threshold:
             return scan
-        left_out = np.zeros(counted.size, np.bool_)
-        left_out[counted] = ~agreeing
-        return scan.without(left_out)
+        return scan.without(~agreeing, field.informative(scan.ranges))
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class BeamCubes:
     """w ∝ 1 + Σ over beams of q³, q of four parts by the range z* that the map would give.
@@ -301,17 +280,17 @@ class BeamCubes:
         max_range = self.lidar.max_range
         # below the sensor's least range is as no return, and so is infinitely far
         measured = np.where((ranges >= 0.0) & (ranges <= max_range), ranges, max_range)[counted]
-        metres = metres_in(self.floor_plan)
+        metres = 1 / metre(self.floor_plan.unit)
         shares = float(self.hit), float(self.short), float(self.max), float(self.rand)
         model = max_range * metres, self.sigma * metres, self.decay / metres
-        out = np.zeros(states.shape[1])
-        for start in range(0, out.size if measured.size else 0, _BLOCK):
-            block = slice(start, start + _BLOCK)
-            some = states[:, block]
-            expected = np.empty((measured.size, some.shape[1]), np.float32)
+
+        def weighed(some: Singles) -> Floats:
+            out, expected = np.zeros(n := some.shape[1]), np.empty((measured.size, n), np.float32)
             self.lidar.cast(self._stopping.cast, some, expected, counted)
-            beams_cubed(measured * metres, expected, metres, shares, model, out[block])
-        return out
+            beams_cubed(measured * metres, expected, metres, shares, model, out)
+            return out
+
+        return in_blocks(weighed, states) if measured.size else np.zeros(states.shape[1])
 
     @cached_property
     def _stopping(self) -> Map:
@@ -319,11 +298,6 @@ class BeamCubes:
         if isinstance(self.floor_plan, GridMap) and self.floor_plan.unknown != "obstacle":
             return replace(self.floor_plan, unknown="obstacle")
         return self.floor_plan
-
-
-def metres_in(floor_plan: Map) -> float:
-    """Return how many metres the map's unit of length is."""
-    return pixel("m") / pixel(floor_plan.unit)
 
 
 def _every(beams: int, most: int) -> int:

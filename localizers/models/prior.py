@@ -143,12 +143,10 @@ def _free(
     floor_plan: Map, shares: Floats, radius: float = 0.0, region: Region | None = None
 ) -> Floats:
     """Poses at ``shares`` of the ground and of a turn where a disc fits, (k, 3)."""
+    poses = _within(floor_plan.bounds if region is None else region.bounds, shares)
     if region is not None:
-        poses = _within(region.bounds, shares)
         poses = poses[region.contains(poses)]
-        return poses[floor_plan.free(poses, radius)]
-    poses = _within(floor_plan.bounds, shares)
-    if _is_rare(floor_plan):
+    elif _is_rare(floor_plan):
         cells, place = floor_plan.open_cells, shares[:, 0] * len(floor_plan.open_cells)
         chosen = cells[np.minimum(place.astype(np.intp), len(cells) - 1)]
         points = floor_plan.placed(chosen + np.column_stack([place % 1.0, shares[:, 1]]))
@@ -221,25 +219,15 @@ class UniformPrior:
     floor_plan: Map
     radius: float = field(default=0.0, metadata=LENGTH)  #: of a disc that must fit at x_0
     region: Region | None = None  #: ``PolygonRegion`` or ``AnnulusRegion``; None is the whole map
+    mean = None  #: no single pose is representative
 
     def __post_init__(self) -> None:
         number("prior.radius", self.radius, low=0)
-        if self._share > 0:
-            return
-        if self.region is None:
+        if not self._share > 0:
             raise InputError(
                 f"prior.radius is {self.radius:g}, but a disc that wide does not fit into the "
-                "floor plan: give a smaller radius."
+                f"{self.region or 'floor plan'}: give a smaller one, or a place with free space."
             )
-        raise InputError(
-            f"no robot of radius {self.radius:g} fits into the prior's {self.region}: give a place "
-            "that has free space on the map."
-        )
-
-    @property
-    def mean(self) -> None:
-        """None: no single pose is representative."""
-        return None
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:
         """Draw n poses, (n, 3)."""

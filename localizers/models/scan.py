@@ -1,11 +1,10 @@
 """p(o_t | x_t, m): how likely a beam's range is, given the exact one, and a scan at a pose."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from types import MappingProxyType
-from typing import ClassVar, NamedTuple, Protocol, final, runtime_checkable
+from functools import cached_property, lru_cache, partial
+from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -92,7 +91,6 @@ class _HitOrAnything(_Tempered):
         return self.power * out
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class GaussianUniform(_HitOrAnything):
     """p(o | ô) = (1 - u) N(o; ô, σ²) + u / max_range.
@@ -107,7 +105,6 @@ class GaussianUniform(_HitOrAnything):
         return expected, np.full_like(expected, self.sigma**2 / self.power)
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class CensoredGaussianUniform(_HitOrAnything):
     """The GaussianUniform of a world that adds noise, then clips to [0, max_range].
@@ -134,7 +131,6 @@ class CensoredGaussianUniform(_HitOrAnything):
         return mean, np.maximum(square - mean**2, 0.0) / self.power
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class BeamModel(_Tempered):
     """The four-part beam model of Thrun et al. 2005, table 6.1: hit, short, max, rand."""
@@ -185,56 +181,39 @@ class BeamModel(_Tempered):
         return seen + sigma * shift, sigma**2 * spread / self.power
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
-class LatentShare(_Tempered):
+class LatentShare(CensoredGaussianUniform):
     """The CensoredGaussianUniform of a scan whose share of unexplained beams is unknown.
 
     p(o | ô) = ∫ Beta(u) Π_b ((1 - u) p_hit(o_b | ô_b) + u p_any(o_b)) du: a crowd hides many beams
-    of one scan and none of the next. u is summed out exactly. Of one beam it is a
-    ``CensoredGaussianUniform``; of several, each unexplained beam makes the next one likelier.
+    of one scan and none of the next. ``uniform`` is E[u]; u is summed out exactly. Of one beam it
+    is a ``CensoredGaussianUniform``; of several, each unexplained beam makes the next one likelier,
+    and as E[u^B] ≥ E[u]^B, B beams are never below the B-th power of ``least_density``.
     """
 
-    sigma: float = field(default=100.0, metadata=LENGTH)  #: σ > 0, in the map's unit
-    uniform: float = 0.05  #: E[u], the mean share of beams that read any range
     #: c > 0, u ~ Beta(c E[u], c (1 - E[u])); the larger, the more alike scans are; at ∞ u is E[u]
     concentration: float = 2.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _ = self._beam  # which checks sigma and uniform
         number("scan.concentration", self.concentration, low=0, above=True)
-
-    def least_density(self, max_range: float) -> float:
-        """Return a bound: E[u^B] ≥ E[u]^B, so B beams are never below its B-th power."""
-        return self._beam.least_density(max_range)
-
-    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean and variance of a beam that hits the expected wall, (n, B) each."""
-        return self._beam.hit_moments(expected, max_range)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Log p(o | ô) of the whole scan for each pose, (n,)."""
         out = np.empty(len(expected))
         c, u = float(self.concentration), float(self.uniform)
         counts = c * u, c * (1 - u)
-        anything = _anything(1.0, max_range, self._beam._clips)
+        anything = _anything(1.0, max_range, self._clips)
         beam_kernels.latent_share(ranges, expected.T, self.sigma, counts, *anything, out)
         return self.power * out
 
-    @cached_property
-    def _beam(self) -> CensoredGaussianUniform:
-        return CensoredGaussianUniform(sigma=self.sigma, uniform=self.uniform, power=self.power)
 
-
-BEAM_MODELS: Mapping[str, type[BeamDensity]] = MappingProxyType(
-    {
-        "gaussian-uniform": GaussianUniform,
-        "censored-gaussian-uniform": CensoredGaussianUniform,
-        "beam-model": BeamModel,
-        "latent-share": LatentShare,
-    }
-)
+BEAM_MODELS: Mapping[str, type[BeamDensity]] = {
+    "gaussian-uniform": GaussianUniform,
+    "censored-gaussian-uniform": CensoredGaussianUniform,
+    "beam-model": BeamModel,
+    "latent-share": LatentShare,
+}
 
 
 class Scan(NamedTuple):
@@ -250,8 +229,12 @@ class Scan(NamedTuple):
         usable = (ranges >= 0.0) & (ranges <= max_range)  # false for NaN
         return cls(ranges, usable, int(usable.sum()))
 
-    def without(self, left_out: Bools) -> "Scan":
-        """Return this scan with no measurement by the beams left out, (B,)."""
+    def without(self, dropped: Bools | bool, among: Bools) -> "Scan":
+        """Return this scan with no measurement by those dropped, (b,), among some beams, (B,)."""
+        left_out = np.zeros(among.size, np.bool_)
+        left_out[among] = dropped
+        if not left_out.any():
+            return self
         usable = self.usable & ~left_out
         return Scan(np.where(left_out, np.nan, self.ranges), usable, int(usable.sum()))
 
@@ -280,7 +263,12 @@ OUTSIDE = -30.0
 _BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
 
 
-@final
+def in_blocks(told: Callable[[Singles], Floats], states: Singles) -> Floats:
+    """Return what is told of poses (3, n), (n,), so many at a time."""
+    starts = range(0, max(1, states.shape[1]), _BLOCK)
+    return np.concatenate([told(states[:, start : start + _BLOCK]) for start in starts])
+
+
 @dataclass(frozen=True, kw_only=True)
 class LidarScan:
     """Log p(o_t | x_t, m) = Σ over usable beams of log p(o | ô), ô by ray casting.
@@ -296,8 +284,7 @@ class LidarScan:
 
     def __post_init__(self) -> None:
         verbs = ("log_likelihood", "least_density")
-        lacking = [verb for verb in verbs if not callable(getattr(self.beam, verb, None))]
-        if lacking:
+        if lacking := [verb for verb in verbs if not callable(getattr(self.beam, verb, None))]:
             raise InputError(
                 f"the beam model is of type {type(self.beam).__name__}, without "
                 f"{' and '.join(lacking)}: a beam model has log_likelihood(ranges, expected, "
@@ -306,12 +293,10 @@ class LidarScan:
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log-likelihood of a scan at each pose (3, n), (n,)."""
-        n = states.shape[1]
-        if n > _BLOCK:
-            blocks = [states[:, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
-            return np.concatenate([self.log_likelihood(block, scan) for block in blocks])
+        if states.shape[1] > _BLOCK:
+            return in_blocks(partial(self.log_likelihood, scan=scan), states)
         if scan.beams == 0:
-            return np.zeros(n)
+            return np.zeros(states.shape[1])
         return self.weighed(*self.compared(states, scan))
 
     def compared(self, states: Singles, scan: Scan) -> tuple[Floats, Singles]:
@@ -331,6 +316,18 @@ class LidarScan:
         out[np.isnan(expected[0])] = measured.size * self._outside
         return out
 
+    def at(self, states: Singles) -> Callable[[Scan], Floats]:
+        """Return ``log_likelihood`` at fixed poses (3, n), whose rays are cast once."""
+        all_beams = Scan.of(np.zeros(self.lidar.beams), self.lidar.max_range)
+        return partial(self._weighed_at, self.compared(states, all_beams)[1])
+
+    def _weighed_at(self, expected: Singles, scan: Scan) -> Floats:
+        if scan.beams == 0:
+            return np.zeros(expected.shape[1])
+        if scan.beams == scan.ranges.size:
+            return self.weighed(scan.ranges, expected)
+        return self.weighed(scan.ranges[scan.usable], expected[scan.usable])
+
     @cached_property
     def _outside(self) -> float:
         return log_outside(self.beam, self.lidar.max_range)
@@ -339,22 +336,3 @@ class LidarScan:
 def log_outside(beam: BeamDensity, max_range: float) -> float:
     """Least of -30 and of a beam's log-density: no scan is likelier outside than inside."""
     return min(OUTSIDE, float(arrays.log(beam.least_density(max_range))))
-
-
-class ScanTable:
-    """``LidarScan`` at fixed poses, with the rays cast once."""
-
-    def __init__(self, scan: LidarScan, states: Singles) -> None:
-        """Cast the rays of poses (3, n)."""
-        self._scan, lidar = scan, scan.lidar
-        all_beams = Scan.of(np.zeros(lidar.beams), lidar.max_range)
-        _, self._expected = scan.compared(states, all_beams)  # (B, n)
-
-    def log_likelihood(self, scan: Scan) -> Floats:
-        """Log-likelihood of a scan at each pose, (n,)."""
-        if scan.beams == 0:
-            return np.zeros(self._expected.shape[1])
-        measured, expected = scan.ranges, self._expected
-        if scan.beams < measured.size:
-            measured, expected = measured[scan.usable], expected[scan.usable]
-        return self._scan.weighed(measured, expected)

@@ -9,8 +9,9 @@ from following import robot_of, started, updated
 
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
+from localizers.inference.loss_detector import Averages
 from localizers.inference.particles import KldSampling
-from localizers.methods.amcl import OMNI, WeightAverages, has_moved
+from localizers.methods.amcl import OMNI, averages_after, has_moved
 from localizers.models.nav2_motion import moved
 from localizers.models.scan import LidarScan, Scan
 
@@ -43,15 +44,15 @@ def test_drawing_stops_as_navs_loop_does(spread):
 
 
 def test_the_averages_are_of_the_mean_weight_and_random_poses_come_by_their_ratio():
-    averages = WeightAverages(alpha_slow=0.1, alpha_fast=0.5)
-    averages = averages.after(math.log(3.0), 100)
+    averages = Averages(alpha_slow=0.1, alpha_fast=0.5)
+    averages = averages_after(averages, math.log(3.0), 100)
     assert (averages.slow, averages.fast) == pytest.approx((0.03, 0.03))  # the first sets both
-    averages = averages.after(math.log(1.0), 50)  # of fewer particles each has more
+    averages = averages_after(averages, math.log(1.0), 50)  # of fewer particles each has more
     assert averages.slow == pytest.approx(0.03 + 0.1 * (0.02 - 0.03))
     assert averages.fast == pytest.approx(0.03 + 0.5 * (0.02 - 0.03))
     assert averages.share == pytest.approx(1 - 0.025 / 0.029)
-    assert averages.after(math.log(10.0), 50).share == 0.0
-    assert averages.after(-math.inf, 50) == averages  # every weight 0
+    assert averages_after(averages, math.log(10.0), 50).share == 0.0
+    assert averages_after(averages, -math.inf, 50) == averages  # every weight 0
 
 
 def test_after_random_poses_the_averages_start_anew(robot, prior):

@@ -146,9 +146,7 @@ class Blindfold:
     dropped: tuple[int, ...]
 
     def kept(self, states, log_weights, scan):
-        left_out = np.zeros(scan.ranges.size, np.bool_)
-        left_out[list(self.dropped)] = True
-        return scan.without(left_out)
+        return scan.without(True, np.isin(np.arange(scan.ranges.size), self.dropped))
 
 
 def test_a_filter_that_drops_a_beam_is_the_filter_without_it_and_counts_it_bit_by_bit():

@@ -7,7 +7,7 @@ from ring import DRIVES, GRADED, METHODS, PLANS, RingWalls, worst, z_scores
 
 from deqmcl_gym.maps import GridMap
 from localizers import make
-from localizers.models.feasibility import CostMap, FreeSpace
+from localizers.models.feasibility import CostMap
 
 RNG = np.random.default_rng
 METHODS_ON_THE_MAP = ("mcl-map", "mcl-map-smoother", "deq-mcl", "deq-mcl-fresh",
@@ -57,7 +57,7 @@ def test_a_step_costs_1_if_it_collides_else_what_the_nearest_wall_makes_of_its_e
 @pytest.mark.parametrize("beta", [0.0, 2.0, np.inf])
 def test_inflated_by_no_more_than_the_robot_it_is_free_space_bit_by_bit(room, beta):
     graded = CostMap(floor_plan=room, radius=8.0, inflation_radius=8.0, beta=beta)
-    plain = FreeSpace(floor_plan=room, radius=8.0, beta=beta)
+    plain = CostMap(floor_plan=room, radius=8.0, beta=beta)
     assert graded.log_g(*steps(5000)).tobytes() == plain.log_g(*steps(5000)).tobytes()
 
 
@@ -76,5 +76,5 @@ def test_with_an_infinite_beta_only_steps_that_cost_something_are_rejected(room)
 
 def test_the_default_falls_as_navs_in_either_unit(room):
     hall = GridMap(occupancy=np.zeros((20, 20), np.int8), resolution=0.1)
-    assert CostMap(floor_plan=hall, radius=0.1, inflation_radius=0.5).falloff == 10.0
-    assert CostMap(floor_plan=room, radius=8.0, inflation_radius=20.0).falloff == 0.2
+    assert CostMap(floor_plan=hall, radius=0.1, inflation_radius=0.5).cost_scaling_factor == 10.0
+    assert CostMap(floor_plan=room, radius=8.0, inflation_radius=20.0).cost_scaling_factor == 0.2

@@ -11,7 +11,7 @@ from deqmcl_gym.maps import Map
 from localizers import OdometryMotion
 from localizers.inference.futures import Rollout
 from localizers.inference.hedge import hedged
-from localizers.models.feasibility import FreeSpace
+from localizers.models.feasibility import CostMap
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
 RNG = np.random.default_rng
@@ -72,7 +72,7 @@ def test_a_drawn_future_starts_from_its_own_present_and_follows_the_plan():
 
 
 def test_where_collisions_are_forbidden_a_feasible_roll_out_is_kept_if_there_is_one(room):
-    walls = FreeSpace(floor_plan=room, radius=8.0, beta=np.inf)
+    walls = CostMap(floor_plan=room, radius=8.0, beta=np.inf)
     present = cloud(200)
     path, log_h = Rollout(MOTION, walls).one(present, PLAN[:3], 8, RNG(0))
     kept = sum(walls.log_g(a, b) for a, b in pairwise([present, *path]))
@@ -111,9 +111,9 @@ def test_parts_of_ones_own_are_asked_step_by_step(room):
         def collides(self, starts, ends, radius):
             return np.full(len(ends), True)
 
-    walls = FreeSpace(floor_plan=room, radius=8.0)
+    walls = CostMap(floor_plan=room, radius=8.0)
     path, _ = Rollout(Straight(), walls).futures(cloud(5), PLAN, 1, RNG(0))
     assert np.array_equal(path[-1], cloud(5))
-    walls = FreeSpace(floor_plan=Solid(), radius=8.0, beta=2.0)
+    walls = CostMap(floor_plan=Solid(), radius=8.0, beta=2.0)
     _, log_g = Rollout(MOTION, walls).futures(cloud(5), PLAN, 1, RNG(0))
     assert np.array_equal(log_g, np.full((1, 5), -2.0 * len(PLAN)))

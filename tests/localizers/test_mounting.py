@@ -11,7 +11,7 @@ import localizers
 from deqmcl_gym.logs.motion import dead_reckoned, increments_of
 from deqmcl_gym.maps import GridMap, Lidar, Mount
 from localizers import GaussianPrior, GaussianUniform, mean_pose
-from localizers.models.nav2_scan import BeamCubes, LikelihoodField, LikelihoodFieldProb
+from localizers.models.nav2_scan import BeamCubes, LikelihoodField
 from localizers.models.scan import LidarScan, Scan
 
 BEAMS, SIGMA = 24, 0.02
@@ -75,8 +75,8 @@ SCANS = {
     "rays": lambda lidar: LidarScan(floor_plan=HALL, lidar=lidar, beam=GaussianUniform(sigma=0.1)),
     "field": lambda lidar: LikelihoodField(
         floor_plan=HALL, lidar=lidar, sigma=0.2, farthest=2.0, cell=0.1),
-    "field's product": lambda lidar: LikelihoodFieldProb(
-        floor_plan=HALL, lidar=lidar, sigma=0.2, farthest=2.0, cell=0.1),
+    "field's product": lambda lidar: LikelihoodField(
+        floor_plan=HALL, lidar=lidar, sigma=0.2, farthest=2.0, cell=0.1, product=True),
     "AMCL's beams": lambda lidar: BeamCubes(floor_plan=HALL, lidar=lidar),
 }  # fmt: skip
 ASKEW = (Mount(x=0.3, y=0.1, heading=0.4), Mount(x=-0.3, heading=2.9, upside_down=True))

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from deqmcl_gym.world import Office
 from localizers.models import nav2_scan
-from localizers.models.nav2_scan import BeamCubes, LikelihoodField, LikelihoodFieldProb
+from localizers.models.nav2_scan import BeamCubes, LikelihoodField
 from localizers.models.scan import Scan
 
 LIDAR = Lidar(beams=180, field_of_view=math.pi, max_range=12.0)
@@ -71,19 +71,20 @@ def noisy_scan(building) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("model", "max_beams", "step"),
+    ("product", "max_beams", "step"),
     [
-        *((LikelihoodField, most, step) for most, step in ((60, 3), (30, 6), (200, 1), (2, 179))),
+        *((False, most, step) for most, step in ((60, 3), (30, 6), (200, 1), (2, 179))),
         # 180 beams by 50: this model rounds 3.6 up where the other has 179 // 49 = 3
-        *((LikelihoodFieldProb, most, step) for most, step in ((60, 3), (50, 4), (200, 1))),
+        *((True, most, step) for most, step in ((60, 3), (50, 4), (200, 1))),
     ],
 )
-def test_weights_are_those_of_an_independent_implementation(building, model, max_beams, step):
+def test_weights_are_those_of_an_independent_implementation(building, product, max_beams, step):
     poses, scan = thousand_poses(building), noisy_scan(building)
-    field = model(floor_plan=building, lidar=LIDAR, max_beams=max_beams, **FIELD)
+    how = {"product": product, "max_beams": max_beams, **FIELD}
+    field = LikelihoodField(floor_plan=building, lidar=LIDAR, **how)
     values = by_hand(building, LIDAR, poses.astype(float), scan, step=step)
     cubes = np.log(1 + (values**3).sum(axis=0))
-    expected = cubes if model is LikelihoodField else np.log(values).sum(axis=0)
+    expected = np.log(values).sum(axis=0) if product else cubes
     np.testing.assert_allclose(np.exp(log_w(field, poses.T, scan) - expected), 1.0, rtol=1e-6)
     assert cubes.max() > 0.1
 
@@ -145,7 +146,7 @@ def skipping_case(error_threshold: float):
     cells[:, 60] = 100
     hall = GridMap(occupancy=cells, resolution=0.05)
     lidar = Lidar(beams=10, field_of_view=0.2, max_range=10.0)
-    field = LikelihoodFieldProb(floor_plan=hall, lidar=lidar, max_beams=10, **FIELD)
+    field = LikelihoodField(floor_plan=hall, lidar=lidar, max_beams=10, product=True, **FIELD)
     scan = np.full(10, 1.0)
     scan[[2, 5, 7]] = 0.3
     states = np.zeros((3, 20), np.float32)

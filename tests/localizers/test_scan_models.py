@@ -14,7 +14,7 @@ from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import LARGEST, InputError
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
-from localizers.models.scan import LidarScan, Scan, ScanTable
+from localizers.models.scan import LidarScan, Scan
 
 MAX = 400.0
 MODELS = [GaussianUniform, CensoredGaussianUniform, BeamModel]  # products over beams
@@ -220,7 +220,7 @@ def test_no_pose_outside_is_likelier_than_one_inside_whatever_the_scan(data, x1,
     assert not np.isnan(seen).any()
     within, beyond = seen[:3], seen[3:]
     assert beyond.tolist() == [beyond[0]] * 3
-    assert ScanTable(model, poses).log_likelihood(scan) == pytest.approx(seen, rel=1e-9)
+    assert model.at(poses)(scan) == pytest.approx(seen, rel=1e-9)
     if scan.beams == 0:
         assert seen.tolist() == [0.0] * 6
         return

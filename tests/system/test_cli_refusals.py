@@ -22,7 +22,7 @@ BAD = [  # arguments, and what the sentence must name
     ([*RUN, "--localizers", "mcl"], ["--localizers", "--localizer?"]),
     (["paper", "--trials"], ["--trials"]),
     (["paper", "--trials", "1.5"], ["--trials", "1.5"]),
-    ([*RUN, "--particles", 10**9], ["particles", "1,000,000,000", "GiB", "10,000,000"]),
+    ([*RUN, "--particles", 10**9], ["particles", "1000000000", "10,000,000"]),
     ([*RUN, "--set", "params.deq-mcl.particles=9"], ["unknown localizer in params 'deq-mcl'"]),
     ([*RUN, "--set", "params.mcl.particle=9"], ["did you mean 'particles'"]),
     ([*RUN, "--set", "params.particle=9"], ["'particle'", "did you mean 'particles'"]),
