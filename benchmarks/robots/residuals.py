@@ -292,13 +292,10 @@ def residuals_of(replay: Replay, runs: pd.DataFrame) -> Residuals | None:
 
 def _numbered(poses: Reals, least: float) -> Indices:
     """Number positions (n, 2+); one nearer than ``least`` to an earlier one gets its number."""
-    firsts: list[Reals] = []
-    numbers = np.empty(len(poses), np.intp)
+    firsts, numbers = np.empty((0, 2)), np.empty(len(poses), np.intp)
     for i, place in enumerate(poses[:, :2]):
-        off = np.hypot(*(np.array(firsts).reshape(-1, 2) - place).T)
-        nearest = int(off.argmin()) if firsts else 0
-        if not firsts or off[nearest] >= least:
-            nearest = len(firsts)
-            firsts.append(place)
-        numbers[i] = nearest
+        off = np.hypot(*(firsts - place).T)
+        if not (off < least).any():
+            firsts = np.vstack([firsts, place])
+        numbers[i] = off.argmin() if len(off) == len(firsts) else len(off)
     return numbers

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.random import Generator
 
-from benchmarks.robots import REPLAY_SCENARIO, Replay
+from benchmarks.robots import SCENARIO, Replay
 from benchmarks.robots.space import ASSUMED, Space, ends_of, latin_hypercube, neighbour
 from benchmarks.setup.logs import REPLAY
 from benchmarks.setup.overrides import NOTHING, Overrides
@@ -166,7 +166,7 @@ class Task:
         if self.localizer == "amcl" and "z_hit" in params and "z_rand" not in params:
             params["z_rand"] = round(1 - params["z_hit"], 12)  # Nav2: "all z must sum to 1"
         return Trial(
-            scenario=REPLAY_SCENARIO,
+            scenario=SCENARIO,
             world=segment.world,
             assumed=segment.assumed | assumed,
             localizer=self.localizer,
@@ -339,13 +339,11 @@ class Search:
                 self._refuse_default(segments[segment], run)
 
     def _refuse_default(self, segment: Segment, run: int) -> None:
-        task, where = self.task, f"on the segment at {segment.begins:.1f} s"
-        default = f"the default of {task.localizer}"
-        why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
-        if why is None:
-            raise InputError(f"{default} has no {task.score} {where}: choose another --score.")
+        failure = self.store.failure(self.now.key(self.task.trial(NOTHING, segment, run)))
+        why = failure or f"it has no {self.task.score}"
         raise TrialsFailedError(
-            f"{default} failed {where}: {why.rstrip('.')}. --retry-failed runs it again."
+            f"the default of {self.task.localizer} failed on the segment at {segment.begins:.1f} "
+            f"s: {why.rstrip('.')}. --retry-failed runs it again."
         )
 
     def _runs(

@@ -16,7 +16,7 @@ from benchmarks.robots.search import BELIEVED, RUNS, Search
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps import Sweep
 from benchmarks.sweeps.store import write_files
-from benchmarks.tables import estimated, fixed, percent, significant
+from benchmarks.tables import estimated, fixed, percent, rounded
 from benchmarks.tables.frames import by_world, csv_of
 from benchmarks.tables.stats import Interval, estimate
 from benchmarks.trials import Method
@@ -162,7 +162,7 @@ def _changed(tuning: Search) -> str:
     columns = {"parameter": [f"`{name}`" for name in names]}
     for title, values in {"default": usual, "tuned": best}.items():
         each = [values.get(name, "its own") for name in names]
-        columns[title] = [significant(v) if isinstance(v, float) else str(v) for v in each]
+        columns[title] = [rounded(v) if isinstance(v, float) else str(v) for v in each]
     return Table("", pd.DataFrame(columns)).text("pipe")
 
 
