@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,7 +19,7 @@ import pandas as pd
 
 from benchmarks.report.charts import INK, Chart, styled
 from benchmarks.report.runs import ended
-from benchmarks.report.tables import Part, Table
+from benchmarks.report.tables import Part, Table, words
 from benchmarks.report.tracks import map_axes
 from benchmarks.robots import Replay
 from benchmarks.robots.calibration import known_part
@@ -47,24 +47,16 @@ _BLURRED = 0.7  # of a cell: half of what fits is nearer to walls on a sharp map
 _GATHERED = 0.1  # of what does not fit, the share at places that says that things have moved
 _USUAL = 0.01, 0.3  # least and most share of the beams that contradict a map that is right
 _LISTED = 12  # places in the page; so many have their number in the picture
+_PLACE = [  # of cells that are near each other: centre and size, in the map's unit
+    *("kind", "x", "y", "width", "height", "cells"),
+    "beams",  # that contradict the map there
+    "poses",  # from where they do, at least 0.5 m apart
+    "share",  # of the beams that reach its cells
+    "evidence",  # nats, against a map that is right there
+    "at",  # its cells
+]
 _LOOKS = {HIT: ("C3", "s"), THROUGH: ("C0", "D")}
 _WIDTH = 6.4  # inches
-
-
-class Place(NamedTuple):
-    """A place at which a map is wrong, lengths in the map's unit: centre and size of its cells."""
-
-    kind: str
-    x: float
-    y: float
-    width: float
-    height: float
-    cells: int
-    beams: int  # that contradict the map there
-    poses: int  # from where they do, at least 0.5 m apart
-    share: float  # of the beams that reach its cells
-    evidence: float  # nats, against a map that is right there
-    at: Indices  # its cells
 
 
 class Residuals:
@@ -103,7 +95,9 @@ class Residuals:
         x0, y0, x1, y1 = floor_plan.bounds
         self._corner = np.array([x0, y0])  # of square cells over the map, counted row by row
         self._shape = tuple(math.ceil(side / self._cell) + 1 for side in (y1 - y0, x1 - x0))
-        self.places = self._ranked()  # the one of the most evidence first
+        # a row for each place at which the map is wrong, that of the most evidence first
+        rows = pd.DataFrame([*self._places()], columns=_PLACE)
+        self.places = rows.sort_values("evidence", ascending=False, kind="stable")
 
     def _cells(self, points: Floats) -> Indices:
         """Return the cell of each point (..., 2), -1 outside."""
@@ -139,7 +133,7 @@ class Residuals:
             start, ahead, far = start[on], ahead[on], far[on]
         return passed
 
-    def _ranked(self) -> list[Place]:
+    def _places(self) -> Iterator[tuple[Any, ...]]:
         ranges, clear = self._ranges.astype(np.float64), _CLEAR * self._metre
         ends = self._points(ranges)
         hit = self._short & self._known.free(ends.reshape(-1, 2)).reshape(ranges.shape)
@@ -151,15 +145,13 @@ class Residuals:
             ended_there = self._fits & (np.abs(ranges - self._expected) <= clear)
         passed = self._passed(np.where(self._returned, ranges - clear, 0.0))
         numbers = _numbered(self._poses, _APART * self._metre)
-        places = [
-            *self._places(HIT, self._cells(ends), hit, numbers, passed),
-            *self._places(THROUGH, walls, self._long, numbers, self._count(walls[ended_there])),
-        ]
-        return sorted(places, key=lambda place: -place.evidence)
+        yield from self._places_of(HIT, self._cells(ends), hit, numbers, passed)
+        stopped = self._count(walls[ended_there])
+        yield from self._places_of(THROUGH, walls, self._long, numbers, stopped)
 
-    def _places(
+    def _places_of(
         self, kind: str, cells: Indices, beams: Bools, poses: Indices, agreed: Indices
-    ) -> Iterator[Place]:
+    ) -> Iterator[tuple[Any, ...]]:
         """Yield places by the cells of beams against the map, their poses, and what agrees."""
         poses, cells = poses[np.nonzero(beams)[0]], cells[beams]
         against = self._count(cells)
@@ -183,12 +175,12 @@ class Residuals:
             other = max(1 - part, 1e-9)
             evidence = part * math.log(part / usual) + other * math.log(other / (1 - usual))
             evidence *= count
-            yield Place(kind, x, y, width, height, at.size, hits, count, part, evidence, at)
+            yield kind, x, y, width, height, at.size, hits, count, part, evidence, at
 
     @property
     def said(self) -> str:
         """What was found, in words."""
-        kinds = [place.kind for place in self.places]
+        kinds = [*self.places["kind"]]
         return (
             f"Where the map is wrong: {amount(kinds.count(HIT), 'place')} {HIT}, "
             f"{kinds.count(THROUGH)} {THROUGH}, by {int(self.used.sum()):,} of "
@@ -205,22 +197,22 @@ class Residuals:
         off = self._known.distance(self._points(self._ranges)[fits])
         cell = getattr(self.floor_plan, "resolution", _FINE * self._metre)
         blur, against = float(np.median(off)), int((self._short | self._long).sum())
-        things = sum(place.beams for place in self.places) / max(against, 1)
-        words = "what does not fit is scattered, as people and edges are"
+        things = self.places["beams"].sum() / max(against, 1)
+        why = "what does not fit is scattered, as people and edges are"
         if blur > _BLURRED * cell:
-            words = "residuals are at walls everywhere, so the map is blurred or the poses are off"
+            why = "residuals are at walls everywhere, so the map is blurred or the poses are off"
         elif not against:
             return "All returns fit the map."
         elif things > _GATHERED:
-            words = "what does not fit is gathered, so things have moved"
+            why = "what does not fit is gathered, so things have moved"
         return (
             f"Half of the returns that fit are within {blur:.3f} {unit} of a wall, and "
-            f"{percent(things)} of the {against:,} that do not are at these places: {words}."
+            f"{percent(things)} of the {against:,} that do not are at these places: {why}."
         )
 
     def files(self, *, drawn: bool) -> dict[str, bytes]:
         """Return residuals.csv, a line per place, and residuals.png if it can be ``drawn``."""
-        frame = pd.DataFrame(self.places, columns=Place._fields).drop(columns="at")
+        frame = self.places.drop(columns="at").reset_index(drop=True)
         lengths = ["x", "y", "width", "height"]
         frame[lengths] = frame[lengths].astype(object).map("{:.3f}".format)
         frame["share"] = frame["share"].astype(object).map("{:.4f}".format)
@@ -237,13 +229,13 @@ class Residuals:
         unit, listed = self.floor_plan.unit, self.places[:_LISTED]
         columns = {
             "place": range(1, len(listed) + 1),
-            "kind": [place.kind for place in listed],
-            f"x, {unit}": [f"{place.x:.1f}" for place in listed],
-            f"y, {unit}": [f"{place.y:.1f}" for place in listed],
-            f"extent, {unit}": [f"{place.width:.1f} × {place.height:.1f}" for place in listed],
-            "beams": [f"{place.beams:,}" for place in listed],
-            "poses": [str(place.poses) for place in listed],
-            "share": [percent(place.share) for place in listed],
+            "kind": list(listed["kind"]),
+            f"x, {unit}": words(listed, "{:.1f}".format, "x"),
+            f"y, {unit}": words(listed, "{:.1f}".format, "y"),
+            f"extent, {unit}": words(listed, "{:.1f} × {:.1f}".format, "width", "height"),
+            "beams": words(listed, "{:,}".format, "beams"),
+            "poses": words(listed, str, "poses"),
+            "share": words(listed, percent, "share"),
         }
         return Table("residuals", pd.DataFrame(columns), about=len(self.places) - len(listed))
 
@@ -256,16 +248,16 @@ class Residuals:
         x0, y0, x1, y1 = self.floor_plan.bounds
         size = max(self._cell * 72 * (_WIDTH - 0.8) / max(x1 - x0, y1 - y0), 2.2)
         for kind, (color, mark) in _LOOKS.items():
-            if cells := [place.at for place in self.places if place.kind == kind]:
-                at = self._centres(np.concatenate(cells)).T
+            if len(cells := self.places.loc[self.places["kind"] == kind, "at"]):
+                at = self._centres(np.concatenate([*cells])).T
                 axes.plot(*at, mark, color=color, ms=size, mew=0, label=kind)
-        for number, place in enumerate(self.places[:_LISTED], 1):
-            centre = place.x, place.y
+        listed = self.places[:_LISTED]
+        for number, centre in enumerate(zip(listed["x"], listed["y"], strict=True), 1):
             axes.annotate(str(number), centre, (5, 5), textcoords="offset points", size=8)
         axes.figure.legend(loc="outside lower center", ncols=3, frameon=False)
-        listed = min(len(self.places), _LISTED)
-        words = f"Numbers: the first {listed} places, as in the table."
-        return Chart("residuals", HEADING, words if listed else "No place was found.", axes.figure)
+        caption = f"Numbers: the first {len(listed)} places, as in the table."
+        caption = caption if len(listed) else "No place was found."
+        return Chart("residuals", HEADING, caption, axes.figure)
 
     @property
     def part(self) -> Part:
@@ -276,7 +268,7 @@ class Residuals:
             "map says, and no more beams agree with it. Unknown cells say nothing."
         )
         with styled():
-            return Part(HEADING, note, [self.table()] if self.places else [], [self.chart])
+            return Part(HEADING, note, [self.table()] if len(self.places) else [], [self.chart])
 
 
 def residuals_of(replay: Replay, runs: pd.DataFrame) -> Residuals | None:
