@@ -390,7 +390,17 @@ def _maps(panels: Sequence[Panel], places: list[dict[str, Any]], keys: list[str]
         frame[names[_ANGLE]] = np.degrees(frame[names[_ANGLE]]).round(1)
     x, y, *squares = names.values()
     if not squares:
-        return [_share_map(frame, x, y, panels[0].aim)] if panels[0].aim else []
+        aim = panels[0].aim
+        assert aim is not None
+        shares = [cell.replace(" (", "\n(") for cell in means(frame, aim.name, ".0f", " %", 100)]
+        method, share = frame["label"].astype(str), frame[aim.name].astype(float)
+        rows = frame.assign(method=method, share=share, words=shares)
+        caption = (
+            "Share of runs, and Wilson's 95 % interval, with every value of the two numbers; "
+            f"{percent(_MOSTLY)} or more is bold."
+        )
+        figure = _cells(rows, (x, y, "method"), "share", 1.0, _MOSTLY)
+        return [Chart("shares", f"Runs {aim.words}", caption, figure)]
     return [
         _regimes(frame[frame["label"] == label].copy(), (x, y, squares[0]), score, number)
         for number, label in enumerate(frame.loc[~frame["is_baseline"], "label"].unique(), 1)
@@ -416,17 +426,4 @@ def _regimes(rows: pd.DataFrame, axes: tuple[str, str, str], score: Score, numbe
         "Blue: ahead; red: behind; *: p < 0.05, corrected for the tests of a setting, not for the "
         "number of settings.",
         _cells(rows, axes, "ahead", 0.1 if share else 1.0),
-    )
-
-
-def _share_map(frame: pd.DataFrame, x: str, y: str, aim: Score) -> Chart:
-    shares = [cell.replace(" (", "\n(") for cell in means(frame, aim.name, ".0f", " %", 100)]
-    method, share = frame["label"].astype(str), frame[aim.name].astype(float)
-    rows = frame.assign(method=method, share=share, words=shares)
-    return Chart(
-        "shares",
-        f"Runs {aim.words}",
-        "Share of runs, and Wilson's 95 % interval, with every value of the two numbers; "
-        f"{percent(_MOSTLY)} or more is bold.",
-        _cells(rows, (x, y, "method"), "share", 1.0, _MOSTLY),
     )

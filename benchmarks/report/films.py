@@ -33,27 +33,15 @@ from deqmcl_gym.logs.motion import dead_reckoned
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Reals
 from deqmcl_gym.validation import InputError, in_words
-from deqmcl_gym.world.drawing import (
-    BLACK,
-    GRAY,
-    LIGHT_BLUE,
-    ORANGE,
-    PINK,
-    Color,
-    Drawing,
-    Image,
-    View,
-    with_strip,
-    write_legend,
-    write_words,
-)
+from deqmcl_gym.world import drawing
+from deqmcl_gym.world.drawing import BLACK, GRAY, Color, Drawing, Image, View
 from localizers import Belief, best_cluster, mean_pose
 from localizers.inference.hedge import HedgedBelief
 
 _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to front
-    (+1, LIGHT_BLUE, "future"),
-    (-1, PINK, "past"),
-    (0, ORANGE, "present"),
+    (+1, drawing.LIGHT_BLUE, "future"),
+    (-1, drawing.PINK, "past"),
+    (0, drawing.ORANGE, "present"),
 )
 _BLIND: Color = (120, 80, 190)  # the protected cloud of a hedge, which is shown no plan
 _LONGEST = 560.0  # px of the paper's room
@@ -96,30 +84,30 @@ class Camera:
 
         The mean is of the state at an offset; ``ring`` names a pose, ``ways`` are below the robot.
         """
-        drawing = self.scene(moment)
+        picture = self.scene(moment)
         legend = [(name, color) for name, color, _ in reversed(self._clouds(moment.belief))]
         legend += [("truth", GRAY), ("mean", BLACK)]
         for way, color in ways:
-            drawing.path(way, color, 2)
+            picture.path(way, color, 2)
         if moment.plan is not None and len(moment.plan):
-            drawing.path(dead_reckoned(moment.plan, moment.truth)[:, :2], _PLAN, 2)
+            picture.path(dead_reckoned(moment.plan, moment.truth)[:, :2], _PLAN, 2)
             legend.append(("plan", _PLAN))
         pixel_length = 1 / self.view.per_length
         radius = max(self.radius, _LEAST * pixel_length)
-        drawing.robot(moment.truth, radius)
+        picture.robot(moment.truth, radius)
         if ring is not None:
             name, (x, y, heading) = ring
             angles = heading + np.linspace(0.0, 2.0 * math.pi, 49)
             rim = np.column_stack([np.cos(angles), np.sin(angles)])
-            drawing.path((x, y) + 1.3 * radius * rim, _BEST, 2)
-            drawing.path([(x, y), (x, y) + 2.34 * radius * rim[0]], _BEST, 2)
+            picture.path((x, y) + 1.3 * radius * rim, _BEST, 2)
+            picture.path([(x, y), (x, y) + 2.34 * radius * rim[0]], _BEST, 2)
             legend.append((name, _BEST))
         if (held := moment.belief.points(offset)) is not None:
             x, y, _ = mean_pose(*held)
             arm = _ARM * pixel_length
             for side in (arm, -arm):
-                drawing.path([(x - arm, y - side), (x + arm, y + side)], BLACK, 2)
-        return _captioned(drawing, words, legend)
+                picture.path([(x - arm, y - side), (x + arm, y + side)], BLACK, 2)
+        return _captioned(picture, words, legend)
 
     def _clouds(self, belief: Belief) -> list[tuple[str, Color, tuple[Reals, Floats]]]:
         """The clouds that a belief holds, back to front: names, colours, points."""
@@ -134,10 +122,10 @@ class Camera:
 
     def scene(self, moment: Step) -> Drawing:
         """Draw the map, the clouds and the step number."""
-        drawing = self.ground(self.view)
+        picture = self.ground(self.view)
         for _, color, (poses, _) in self._clouds(moment.belief):
-            drawing.points(poses, color, size=3 if self.view.scale > 1 else 2)
-        return drawing.number(moment.t)
+            picture.points(poses, color, size=3 if self.view.scale > 1 else 2)
+        return picture.number(moment.t)
 
 
 def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
@@ -179,7 +167,7 @@ def side_by_side(images: Sequence[Image]) -> Image:
 def _level(images: Sequence[Image]) -> list[Image]:
     """Return images of one height, with white below the lower ones: legends differ in length."""
     tallest = max(map(len, images))
-    return [with_strip(image, tallest - len(image)) for image in images]
+    return [drawing.with_strip(image, tallest - len(image)) for image in images]
 
 
 @dataclass
@@ -229,9 +217,9 @@ def _present(moment: Step) -> tuple[Reals, Floats]:
     return points
 
 
-def _captioned(drawing: Drawing, words: Sequence[str], legend: list[tuple[str, Color]]) -> Image:
-    """Return the drawing above lines of words and a legend."""
-    left, (width, below) = drawing.view.margin, drawing.view.size
+def _captioned(picture: Drawing, words: Sequence[str], legend: list[tuple[str, Color]]) -> Image:
+    """Return the picture above lines of words and a legend."""
+    left, (width, below) = picture.view.margin, picture.view.size
     rows: list[list[tuple[str, Color]]] = [[]]
     used = 0
     for entry in legend:
@@ -241,11 +229,13 @@ def _captioned(drawing: Drawing, words: Sequence[str], legend: list[tuple[str, C
             rows.append([])
             used = letters + 36
         rows[-1].append(entry)
-    image = with_strip(drawing.image, 2 * math.ceil(_LINE * (len(words) + len(rows)) / 2) + 8)
+    image = drawing.with_strip(
+        picture.image, 2 * math.ceil(_LINE * (len(words) + len(rows)) / 2) + 8
+    )
     for place, line in enumerate(words, 1):
-        write_words(image, line, (left, below + place * _LINE - 6), _SIZE)
+        drawing.write_words(image, line, (left, below + place * _LINE - 6), _SIZE)
     for place, row in enumerate(rows, len(words) + 1):
-        write_legend(image, row, (left, below + place * _LINE - 6), _SIZE)
+        drawing.write_legend(image, row, (left, below + place * _LINE - 6), _SIZE)
     return image
 
 

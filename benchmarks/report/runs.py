@@ -117,13 +117,10 @@ def middle_run(runs: pd.DataFrame) -> pd.Series:
 
 def worst_run(runs: pd.DataFrame) -> pd.Series:
     """Return the run with the fewest records within 1 m and 30°, then the largest 95 % error."""
-
-    def worse(run: pd.Series) -> tuple[float, ...]:
-        if not run["track"].known.size:
-            return (run["agreement_03"],)
-        return run[f"within_{FOUND}"], -run["position_p95"]
-
-    return min((run for _, run in runs.iterrows()), key=worse)
+    if not runs["track"].iloc[0].known.size:
+        return runs.sort_values("agreement_03", kind="stable").iloc[0]
+    by = [f"within_{FOUND}", "position_p95"]
+    return runs.sort_values(by, ascending=[True, False], kind="stable").iloc[0]
 
 
 def tracks_table(runs: pd.DataFrame, compared: pd.DataFrame | None) -> pd.DataFrame:

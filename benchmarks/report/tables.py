@@ -14,15 +14,7 @@ import pandas as pd
 
 from benchmarks.report.verdict import AT_ALL_LOOKS, plug_in_labels
 from benchmarks.sweeps.results import Results
-from benchmarks.tables import (
-    estimated,
-    fixed,
-    p_value,
-    percent,
-    short_name,
-    significant,
-    state_name,
-)
+from benchmarks.tables import estimated, fixed, p_value, percent, rounded, short_name, state_name
 from benchmarks.tables.panels import Panel, common_words
 from benchmarks.tables.stats import Interval
 from benchmarks.trials.scores import LEVELS, Score, ScoreGroup
@@ -159,7 +151,7 @@ def verdict_table(panel: Panel) -> Table:
         if panel.world == "world":  # on a log, the table of best clusters has the error
             numbers |= {**error, "difference of e (95 %)": differences(rows, "diff")}
     costs = zip(rows["ms_per_step"], rows["cost"], strict=True)
-    timed = [f"{fixed(ms)} ({significant(ratio, 2)} ×)" for ms, ratio in costs]
+    timed = [f"{fixed(ms)} ({rounded(ratio, 2)} ×)" for ms, ratio in costs]
     numbers |= {"ms per step (ratio)": timed, f"{panel.world}s": words(rows, str, "worlds")}
     best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
     strong = [(n, column) for n in best for column in (0, 1)]

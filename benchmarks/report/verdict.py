@@ -9,7 +9,7 @@ import pandas as pd
 
 from benchmarks.setup.names import is_plug_in
 from benchmarks.sweeps.results import Results
-from benchmarks.tables import estimated, interval, p_value, percent, short_name, significant, stats
+from benchmarks.tables import estimated, interval, p_value, percent, rounded, short_name, stats
 from benchmarks.tables.comparison import RELATIONS
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, Interval
@@ -137,7 +137,7 @@ def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
     if row.relation == "better":
         sentence = f"{row.label} is best: {reached}, {_ahead(panel, row)}"
         if row.same_driver and not math.isnan(row.cost):
-            sentence += f"; costs {significant(row.cost, 2)} × the time"
+            sentence += f"; costs {rounded(row.cost, 2)} × the time"
         if first.label != row.label:
             sentence += f" ({first.label} has {_brief(panel, first)}, which is not confirmed)"
         return f"{sentence}."
@@ -165,7 +165,7 @@ def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
 
 def _brief(panel: Panel, row: Any) -> str:
     if panel.aim is None:
-        return f"{significant(row.score)} {panel.first.unit}"
+        return f"{rounded(row.score)} {panel.first.unit}"
     success, _, _ = panel.aim.words.partition(" (")  # without how that is measured
     return f"{success} in {percent(row.score)} of runs"
 

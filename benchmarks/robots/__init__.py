@@ -25,7 +25,7 @@ from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import OmniMotion, RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of
 
-REPLAY_SCENARIO = "replay"
+SCENARIO = "replay"
 EVERY = "0.2m,5deg"
 OFTEN = "0.0625m,3deg"  # for Nav2's AMCL, which waits for 0.25 m or 0.2 rad itself
 NO_ERROR = (
@@ -230,24 +230,21 @@ def _with_noise(
 ) -> tuple[dict[str, Any], str]:
     """Return what is assumed, with the noise of the motion that is not given, and its origin."""
     noise, values = REPLAY.changed(world, assumed).motion, dict(assumed)
-    if isinstance(table := values.get("motion"), Mapping):
-        values |= {f"motion.{name}": value for name, value in table.items()}
-        del values["motion"]
+    values |= {f"motion.{name}": value for name, value in values.pop("motion", {}).items()}
     names = [f"motion.{name}" for name in vars(noise)]
     fixed = [name.partition(".")[2] for name in values if name in names]
     if {*names} - {"motion.still"} <= values.keys():
         return values, "given"
+    estimated = vars(motion_noise(played, kind_of(noise))) if shows_noise(played) else {}
     origin = "assumed, as there is no reference"
-    if shows_noise(played):
+    if estimated:
         origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
     elif played.reference is not None:
         origin = "assumed, as too few records that move have a reference pose of their own time"
-    if not fixed:
-        return values, origin
-    if shows_noise(played):
-        estimated = vars(motion_noise(played, kind_of(noise)))
+    if fixed:
         values = {f"motion.{name}": value for name, value in estimated.items()} | values
-    return values, f"{', '.join(fixed)} given; the rest {origin}"
+        origin = f"{', '.join(fixed)} given; the rest {origin}"
+    return values, origin
 
 
 def _start_of(start: str | Sequence[float]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.console import doing
-from benchmarks.robots import REPLAY_SCENARIO, Replay
+from benchmarks.robots import SCENARIO, Replay
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import Overrides, located
 from benchmarks.tables import percent
@@ -102,7 +102,7 @@ def first_judged(log: Log) -> int | None:
 def _measured(world: Mapping[str, Any], assumed: Overrides, count: int) -> tuple[float, float]:
     """Return the log score of what is published, and the 95 % quantile of position errors, m."""
     trial = Trial(
-        scenario=REPLAY_SCENARIO,
+        scenario=SCENARIO,
         world=Overrides(world),
         assumed=assumed,
         localizer="mcl",

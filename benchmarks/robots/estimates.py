@@ -32,7 +32,6 @@ from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
 from deqmcl_gym.logs.motion import between, composed, relative
 from deqmcl_gym.logs.trajectory import read_estimate
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError
 
 _ENDINGS = r"\.(tum|csv|txt|bag|mcap|db3)(\.gz)?$"
@@ -147,12 +146,6 @@ def estimates_of(words: Sequence[str]) -> dict[str, Trajectory]:
     return estimates
 
 
-def _shared(times: Floats, reference: Floats) -> float:
-    """Share of a reference's time in which there are others."""
-    first, last = max(times[0], reference[0]), min(times[-1], reference[-1])
-    return float((last - first) / (reference[-1] - reference[0]))
-
-
 def score(
     by: Played | Trajectory, estimates: Mapping[str, Trajectory], out: Path
 ) -> tuple[list[str], str, pd.DataFrame]:
@@ -192,7 +185,7 @@ def score(
             f"{label} covers {percent(share)} of the reference's time: errors, and whether it is "
             "localized to the end, are of that part."
             for label, estimate in estimates.items()
-            if (share := _shared(estimate.times, by.times)) < _MOST
+            if (share := np.ptp(by.times.clip(*estimate.times[[0, -1]])) / np.ptp(by.times)) < _MOST
         ]
         counts = ", ".join(f"{label} {len(poses):,}" for label, poses in covered.items())
         how = (

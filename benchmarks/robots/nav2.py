@@ -74,15 +74,7 @@ class Amcl:
     every: tuple[float, float]
     start: tuple[float, float, float] | None  # (x, y, θ) of the robot; None if it is not set
     unused: Mapping[str, str]  # what has no counterpart, with the reason
-    remarks: Sequence[str]  # what ROS or Nav2 does otherwise, or is easily missed
-
-    @property
-    def notes(self) -> list[str]:
-        """What is not used, or is otherwise than in AMCL, in sentences; empty if nothing is."""
-        unused = {name: reason for name, reason in self.unused.items() if reason != _ROS}
-        names_by_reason = {why: [n for n in unused if unused[n] == why] for why in unused.values()}
-        notes = [f"not used: {', '.join(n)} ({why})" for why, n in names_by_reason.items()]
-        return [f"{self.source}: {note}" for note in [*notes, *self.remarks]]
+    notes: Sequence[str]  # of these, and of what ROS or Nav2 does otherwise, or is easily missed
 
     def differences(self, params: Mapping[str, Any], replay: Replay) -> list[str]:
         """How a replay with other parameters differs, in a sentence; empty if it does not."""
@@ -195,6 +187,10 @@ def _amcl(file: Path, source: str, raw: Mapping[str, Any], remarks: dict[str, li
     ]
     wide = settings["update_min_a"] > math.pi
     remarks["above π, so that no turn is enough for an update"] = ["update_min_a"] * wide
+    reasons = dict.fromkeys(reason for reason in unused.values() if reason != _ROS)
+    idle = {why: [name for name, reason in unused.items() if reason == why] for why in reasons}
+    notes = [f"not used: {', '.join(names)} ({why})" for why, names in idle.items()]
+    notes += [f"{why}: {', '.join(names)}" for why, names in remarks.items() if names]
     # not above 0: what the sensor says, as in Nav2
     bounds = {"max_range": settings["laser_max_range"], "min_range": settings["laser_min_range"]}
     return Amcl(
@@ -206,7 +202,7 @@ def _amcl(file: Path, source: str, raw: Mapping[str, Any], remarks: dict[str, li
         every=(settings["update_min_d"] / _FINER, settings["update_min_a"] / _FINER),
         start=start,
         unused=unused,
-        remarks=[f"{why}: {', '.join(names)}" for why, names in remarks.items() if names],
+        notes=[f"{source}: {note}" for note in notes],
     )
 
 
@@ -258,20 +254,13 @@ def _fitting(name: str, patterns: Iterable[str]) -> list[str]:
 
 
 def _node_named(nodes: _Nodes, path: Path, asked: str | None) -> str:
-    """Return the node asked for, or the only amcl, or the shortest that most wildcards fit."""
+    """Return the node asked for, or the only amcl, or the one without a namespace."""
     filters = [name for name in nodes if name.endswith("/amcl") and "*" not in name]
     if asked is not None:
         name = f"/{asked.strip('/')}"
         likely = name.endswith("/amcl") or not filters  # a typing error would fit "/**", too
         return name if likely and _fitting(name, nodes) else one_of(f"node of {path}", name, nodes)
-    if not filters:
-        most: dict[str, int] = {}
-        for pattern in nodes:
-            at = pattern.replace("/**", "")
-            names = at, f"{at.removesuffix('/*')}/amcl"
-            shortest = [n for n in names if n.endswith("/amcl") and _fitting(n, [pattern])][:1]
-            most |= {name: len(_fitting(name, nodes)) for name in shortest}
-        filters = [name for name, count in most.items() if count == max(most.values())]
+    filters = filters or (["/amcl"] if _fitting("/amcl", nodes) else [])
     if len(filters) == 1:
         return filters[0]
     listed = ", ".join(nodes) or "none at all: is it of ROS 1?"

@@ -17,15 +17,7 @@ from benchmarks.report.page import no_report, page_files
 from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
 from benchmarks.report.verdict import conclusion
-from benchmarks.robots import (
-    EVERY,
-    OFTEN,
-    REPLAY_SCENARIO,
-    Replay,
-    calibration,
-    replay_of,
-    values_among,
-)
+from benchmarks.robots import EVERY, OFTEN, SCENARIO, Replay, calibration, replay_of, values_among
 from benchmarks.robots.nav2 import Amcl, read_nav2
 from benchmarks.robots.residuals import PICTURE, TABLE, residuals_of
 from benchmarks.setup.documents import sweep_text
@@ -120,11 +112,10 @@ def planned(
 def replay_sweep(replay: Replay, methods: tuple[Method, ...], seeds: int, root: int) -> Sweep:
     """Return the sweep whose worlds are the runs of each localizer on a log."""
     integer("--seeds", seeds, low=1, high=10_000)
-    integer("--seed", root)
     return Sweep(
         title=f"Replay of {file_names(replay.world['log'])}",
         localizers=methods,
-        scenario=REPLAY_SCENARIO,
+        scenario=SCENARIO,
         lag=0,
         world=replay.world,
         assumed=replay.assumed,
@@ -172,10 +163,9 @@ class ReplayResults:
     trials: pd.DataFrame  #: trials.csv: a row for each run
     results: Results
     text: str
-    written: str  # where to
 
     def __str__(self) -> str:
-        return f"{self.text}\n\n{self.written}".rstrip()
+        return self.text
 
     def __repr__(self) -> str:
         return self.text.partition("\n\n")[0]
@@ -268,9 +258,9 @@ def run_replay(
     texts = [conclusion(results), *said, *([] if wrong is None else [wrong.said])]
     texts += [*(each.text() for each in (first, *differences, *others)), *facts]
     names = ", ".join(path.name for path in files if path.parent == out)
-    written = [f"Written to {out}: {names} and {_TRACKS}/."] if paged else []
-    written += [f"Tables only: {no_report()}"] if paged and not drawn else []
-    return ReplayResults(runs, table, trials, results, "\n\n".join(texts), "\n\n".join(written))
+    texts += [f"Written to {out}: {names} and {_TRACKS}/."] if paged else []
+    texts += [f"Tables only: {no_report()}"] if paged and not drawn else []
+    return ReplayResults(runs, table, trials, results, "\n\n".join(texts))
 
 
 def touches(replay: Replay) -> str | None:

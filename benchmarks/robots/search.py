@@ -10,7 +10,7 @@ import math
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, product
 from pathlib import Path
@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.random import Generator
 
-from benchmarks.robots import REPLAY_SCENARIO, Replay
+from benchmarks.robots import SCENARIO, Replay
 from benchmarks.robots.space import ASSUMED, Space, ends_of, latin_hypercube, neighbour
 from benchmarks.setup.logs import REPLAY
 from benchmarks.setup.overrides import NOTHING, Overrides
@@ -28,7 +28,7 @@ from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, is_empty, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step
-from benchmarks.trials import Provenance, Trial
+from benchmarks.trials import Provenance, Trial, stream
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score, published_scores
 from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.stage import Stage, attempt, check_trials, key_of, provenance_of
@@ -46,8 +46,8 @@ _FINALISTS, _FINAL_RUNS = 3, 2
 _MOST, _LEAST = 24, 2  # segments of each kind
 _REFERENCED = 0.5  # share of a segment's records that must have a reference
 _TRIES = 100  # to draw a start in free space
-_SEARCH = 7  # first key of the streams of a search, which are of none of its trials
-_STARTS, _DRAWS, _ORDER = 0, 1, 2  # second key
+# keys of the streams of a search, which are of none of its trials
+_STARTS, _DRAWS, _ORDER = (7, 0), (7, 1), (7, 2)
 
 GOALS = {
     "median": TRACK_SCORES["position_median"],
@@ -95,7 +95,7 @@ def cut(
         for kind in kinds
     )
     segments = [
-        _segment(number, replay, first, last, sd, _stream(seed, _STARTS, number))
+        _segment(number, replay, first, last, sd, stream(seed, *_STARTS, number))
         for number, (replay, first, last) in enumerate(training + held_out)
     ]
     return segments[: len(training)], segments[len(training) :]
@@ -140,10 +140,6 @@ def _segment(
     )
 
 
-def _stream(seed: int, *key: int) -> Generator:
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SEARCH, *key)))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Task:
     """What is searched for, and on what: all that a search depends on, but for its code."""
@@ -170,7 +166,7 @@ class Task:
         if self.localizer == "amcl" and "z_hit" in params and "z_rand" not in params:
             params["z_rand"] = round(1 - params["z_hit"], 12)  # Nav2: "all z must sum to 1"
         return Trial(
-            scenario=REPLAY_SCENARIO,
+            scenario=SCENARIO,
             world=segment.world,
             assumed=segment.assumed | assumed,
             localizer=self.localizer,
@@ -219,18 +215,6 @@ class Candidate:
     ms_per_step: float = math.nan  # median; NaN unknown
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tuning:
-    """What came of a search."""
-
-    task: Task
-    tried: Sequence[Candidate]  # all candidates, the default first
-    best: Candidate  # the winner; the default if nothing was better on the training segments
-    # held-out runs by ``which`` ("default", "tuned") and ``RUN``: scores, ms_per_step; NaN: failed
-    held_out: pd.DataFrame
-    calibrations: Mapping[str, Calibration]  # by ``which``, fitted on the training segments
-
-
 def _scores(record: TrialRecord | None) -> dict[str, float]:
     """Return the scores of a run on a log; nothing if it failed."""
     parts = (record.journey, record.track) if record else ()  # of one name the track's counts
@@ -259,34 +243,37 @@ def _judged(
     return rows, by
 
 
-@dataclass(frozen=True)
 class Search:
-    """A search in its folder; ``now`` is what its numbers depend on."""
+    """A search in its folder, and what came of it."""
 
-    task: Task
-    store: Store
-    options: Options
-    now: Provenance
-    _asked: set[str] = field(default_factory=set)  # keys of trials
+    best: Candidate  # the winner; the default if nothing was better on the training segments
+    # held-out runs by ``which`` ("default", "tuned") and ``RUN``: scores, ms_per_step; NaN: failed
+    held_out: pd.DataFrame
+    calibrations: Mapping[str, Calibration]  # by ``which``, fitted on the training segments
 
-    def run(self, candidates: int) -> Tuning:
+    def __init__(self, task: Task, store: Store, options: Options, now: Provenance) -> None:
+        self.task, self.store, self.options = task, store, options
+        self.now = now  # what its numbers depend on
+        self.tried: list[Candidate] = []  # all of them, the default first
+        self._asked = set[str]()  # keys of trials
+
+    def run(self, candidates: int) -> None:
         """Search until so many candidates were tried; if the default fails, raise an error."""
-        tried: list[Candidate] = []
-        begun = time.monotonic()
+        tried, begun = self.tried, time.monotonic()
         for number, before in enumerate(range(0, candidates, ROUND)):
-            tried += self._drawn(number, min(ROUND, candidates - before), tried)
+            tried += self._drawn(number, min(ROUND, candidates - before))
             self._halve(number, tried[before:])
             print(
                 f"deqmcl: round {number + 1}: {len(tried)} of {candidates} candidates after "
                 f"{(time.monotonic() - begun) / 60:.1f} min; on the training segments default "
-                f"{tried[0].value:.3f}, best {self._ranked(tried)[0].value:.3f}",
+                f"{tried[0].value:.3f}, best {self._ranked[0].value:.3f}",
                 file=sys.stderr,
                 flush=True,
             )
-        last = [*dict.fromkeys([*self._ranked(tried)[:_FINALISTS], tried[0]])]
+        last = [*dict.fromkeys([*self._ranked[:_FINALISTS], tried[0]])]
         self._measure(last, self.task.training, _FINAL_RUNS)
-        best = min(last, key=self._key)
-        both, which = [NOTHING, best.values], ("default", "tuned")
+        self.best = min(last, key=self._key)
+        both, which = [NOTHING, self.best.values], ("default", "tuned")
         trained = self._runs(both, self.task.training, _FINAL_RUNS)
         fitted = [_judged(runs)[1] for runs in trained]
         held = self._runs(both, self.task.held_out, RUNS)
@@ -295,22 +282,16 @@ class Search:
             [which, range(len(self.task.held_out)), range(RUNS)], names=["which", *RUN]
         )
         columns = [*(TRACK_SCORES | JOURNEY_SCORES), BELIEVED]
-        held_out = pd.DataFrame([*rows], index, columns, float)
         times = [milliseconds_per_step([run] if run else []) for run in chain(*held)]
-        return Tuning(
-            task=self.task,
-            tried=tried,
-            best=best,
-            held_out=held_out.assign(ms_per_step=times),
-            calibrations=dict(zip(which, fitted, strict=True)),
-        )
+        self.held_out = pd.DataFrame([*rows], index, columns, float).assign(ms_per_step=times)
+        self.calibrations = dict(zip(which, fitted, strict=True))
 
-    def _drawn(self, number: int, count: int, tried: Sequence[Candidate]) -> list[Candidate]:
+    def _drawn(self, number: int, count: int) -> list[Candidate]:
         """Return the candidates of a round; a smaller later round has part of a whole one."""
-        task, rng = self.task, _stream(self.task.seed, _DRAWS, number)
+        task, rng = self.task, stream(self.task.seed, *_DRAWS, number)
         near, strips = (count // 2, ROUND - ROUND // 2) if number else (0, count - 1)
         whole = latin_hypercube(task.space, strips, rng)[: count - near]
-        best = [candidate.values for candidate in self._ranked(tried)]
+        best = [candidate.values for candidate in self._ranked]
         beside = [neighbour(task.space, best[i % 2], task.usual, rng) for i in range(near)]
         default = [] if number else [NOTHING]
         drawn = [(default, False), (whole, True), (beside, False)]
@@ -319,7 +300,7 @@ class Search:
     def _halve(self, number: int, candidates: Sequence[Candidate]) -> None:
         """Measure the candidates of a round on more and more segments, the better ones on all."""
         alive, training, most = list(candidates), self.task.training, len(self.task.training)
-        order = _stream(self.task.seed, _ORDER, number).permutation(most)
+        order = stream(self.task.seed, *_ORDER, number).permutation(most)
         for size in sorted({-(-most // ETA**2), -(-most // ETA), most}):
             self._measure(alive, [training[i] for i in order[:size]], 1)
             alive.sort(key=self._key)
@@ -330,9 +311,10 @@ class Search:
             # the default is compared with to the end
             alive = better + [a for a in alive if a.values == NOTHING and a not in better]
 
-    def _ranked(self, tried: Sequence[Candidate]) -> list[Candidate]:
-        """Return those that ran on all training segments, the best first."""
-        whole = [candidate for candidate in tried if candidate.segments == len(self.task.training)]
+    @property
+    def _ranked(self) -> list[Candidate]:
+        """Those that ran on all training segments, the best first."""
+        whole = [tried for tried in self.tried if tried.segments == len(self.task.training)]
         return sorted(whole, key=self._key)
 
     def _key(self, candidate: Candidate) -> tuple[bool, bool, float, bool]:
@@ -357,13 +339,11 @@ class Search:
                 self._refuse_default(segments[segment], run)
 
     def _refuse_default(self, segment: Segment, run: int) -> None:
-        task, where = self.task, f"on the segment at {segment.begins:.1f} s"
-        default = f"the default of {task.localizer}"
-        why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
-        if why is None:
-            raise InputError(f"{default} has no {task.score} {where}: choose another --score.")
+        failure = self.store.failure(self.now.key(self.task.trial(NOTHING, segment, run)))
+        why = failure or f"it has no {self.task.score}"
         raise TrialsFailedError(
-            f"{default} failed {where}: {why.rstrip('.')}. --retry-failed runs it again."
+            f"the default of {self.task.localizer} failed on the segment at {segment.begins:.1f} "
+            f"s: {why.rstrip('.')}. --retry-failed runs it again."
         )
 
     def _runs(
@@ -379,7 +359,7 @@ class Search:
         return [[self.store.get(self.now.key(trial), trial) for trial in row] for row in rows]
 
 
-def search(task: Task, out: Path, options: Options, candidates: int) -> Tuning:
+def search(task: Task, out: Path, options: Options, candidates: int) -> Search:
     """Search, if ``task`` was checked, in a new folder, or go on in that of this search."""
     now = provenance_of(task.of_logs)
     state = msgspec.json.encode({"search": task, "made_by": now}, enc_hook=Overrides.json)
@@ -397,4 +377,6 @@ def search(task: Task, out: Path, options: Options, candidates: int) -> Tuning:
             )
     with writing(out) as store:
         write_bytes(out / STATE, msgspec.json.format(state, indent=1) + b"\n")
-        return Search(task, store, options, now).run(candidates)
+        found = Search(task, store, options, now)
+        found.run(candidates)
+        return found

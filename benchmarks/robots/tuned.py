@@ -12,11 +12,11 @@ from benchmarks.report.page import no_report
 from benchmarks.report.tables import Table
 from benchmarks.robots.nav2 import nav2_document
 from benchmarks.robots.replaying import sweep_file
-from benchmarks.robots.search import BELIEVED, RUNS, Candidate, Task, Tuning
+from benchmarks.robots.search import BELIEVED, RUNS, Search
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps import Sweep
 from benchmarks.sweeps.store import write_files
-from benchmarks.tables import estimated, fixed, percent, significant
+from benchmarks.tables import estimated, fixed, percent, rounded
 from benchmarks.tables.frames import by_world, csv_of
 from benchmarks.tables.stats import Interval, estimate
 from benchmarks.trials import Method
@@ -31,11 +31,11 @@ _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".
 
 
 def write_tuned(
-    tuning: Tuning, out: Path, words: Sequence[str], nav2: Path | None, node: str | None
+    tuning: Search, out: Path, words: Sequence[str], nav2: Path | None, node: str | None
 ) -> str:
     """Write the folder of a search by a command of these words; return what to print."""
     table = segments_table(tuning)
-    best, why_not = _nav2(tuning.task, tuning.best, nav2, node)
+    best, why_not = _nav2(tuning, nav2, node)
     parts = {
         f"# {tuning.task.localizer}, tuned": f"{gain(tuning, table)}{_too_sure(tuning)}\n\n"
         f"{_scores(tuning)}\n\nPublish its covariance by localizers.{tuning.calibrations['tuned']} "
@@ -62,7 +62,7 @@ def write_tuned(
     return "\n\n".join(filter(None, texts))
 
 
-def segments_table(tuning: Tuning) -> pd.DataFrame:
+def segments_table(tuning: Search) -> pd.DataFrame:
     """Return a row per held-out segment; those where a run failed have no numbers."""
     runs = tuning.held_out[tuning.task.goal.name]
     segments = [
@@ -74,13 +74,13 @@ def segments_table(tuning: Tuning) -> pd.DataFrame:
     return table.assign(**means, difference=means["tuned"] - means["default"])
 
 
-def _failed(tuning: Tuning) -> pd.DataFrame:
+def _failed(tuning: Search) -> pd.DataFrame:
     """Return whether a run failed, a row per held-out segment."""
     failed = tuning.held_out.isna().all(axis=1)
     return failed.groupby(["which", "trial"]).any().unstack("which")
 
 
-def gain(tuning: Tuning, table: pd.DataFrame) -> str:
+def gain(tuning: Search, table: pd.DataFrame) -> str:
     """Say the held-out result of default and winner, paired, and what it shows."""
     goal, limit = tuning.task.goal, tuning.task.max_ms
     pairs = table[["default", "tuned", "difference"]].dropna()
@@ -109,7 +109,7 @@ def gain(tuning: Tuning, table: pd.DataFrame) -> str:
     )
 
 
-def _conclusion(tuning: Tuning, change: Interval) -> str:
+def _conclusion(tuning: Search, change: Interval) -> str:
     limit, failed, hidden = tuning.task.max_ms, _failed(tuning), "a gain is not shown."
     if math.isnan(change.low):
         return f"Fewer than {_LEAST} segments are too few for an interval: {hidden}"
@@ -124,7 +124,7 @@ def _conclusion(tuning: Tuning, change: Interval) -> str:
     return f"The tuned parameters are worse on held-out segments: {keep}."
 
 
-def _too_sure(tuning: Tuning) -> str:
+def _too_sure(tuning: Search) -> str:
     """Warn that the winner's region holds less of the reference than the default's."""
     before, after = tuning.held_out.groupby("which")[BELIEVED].mean()
     if not (after < _SURE and after < before - _FALLEN):
@@ -136,7 +136,7 @@ def _too_sure(tuning: Tuning) -> str:
     )
 
 
-def _scores(tuning: Tuning) -> str:
+def _scores(tuning: Search) -> str:
     """Return what default and winner have on the held-out segments."""
     runs = tuning.held_out.groupby("which")
     mean, failed = runs.mean(), _failed(tuning).sum()
@@ -153,7 +153,7 @@ def _scores(tuning: Tuning) -> str:
     return Table("", pd.DataFrame(columns)).text("pipe")
 
 
-def _changed(tuning: Tuning) -> str:
+def _changed(tuning: Search) -> str:
     """Return the values of the winner beside those of the default."""
     best, usual = tuning.best.values, tuning.task.usual
     if best == NOTHING:
@@ -162,11 +162,11 @@ def _changed(tuning: Tuning) -> str:
     columns = {"parameter": [f"`{name}`" for name in names]}
     for title, values in {"default": usual, "tuned": best}.items():
         each = [values.get(name, "its own") for name in names]
-        columns[title] = [significant(v) if isinstance(v, float) else str(v) for v in each]
+        columns[title] = [rounded(v) if isinstance(v, float) else str(v) for v in each]
     return Table("", pd.DataFrame(columns)).text("pipe")
 
 
-def _made(tuning: Tuning, words: Sequence[str]) -> str:
+def _made(tuning: Search, words: Sequence[str]) -> str:
     task, count = tuning.task, len(tuning.tried)
     metres = float(np.mean([segment.metres for segment in (*task.training, *task.held_out)]))
     limit = "" if task.max_ms is None else f" At most {task.max_ms:g} ms per step were allowed."
@@ -181,7 +181,7 @@ def _made(tuning: Tuning, words: Sequence[str]) -> str:
     )
 
 
-def _sweep_file(tuning: Tuning, words: Sequence[str]) -> str:
+def _sweep_file(tuning: Search, words: Sequence[str]) -> str:
     """Return the winner as a sweep file over the first log."""
     task, segment = tuning.task, tuning.task.training[0]
     trial = task.trial(tuning.best.values, segment)
@@ -199,20 +199,20 @@ def _sweep_file(tuning: Tuning, words: Sequence[str]) -> str:
     return sweep_file(sweep, [" ".join(command_line(words).split()), published])
 
 
-def _nav2(
-    task: Task, best: Candidate, path: Path | None, node: str | None
-) -> tuple[str | None, str]:
+def _nav2(tuning: Search, path: Path | None, node: str | None) -> tuple[str | None, str]:
     """Return nav2.yaml, or None and why there is none."""
+    task = tuning.task
     if task.localizer != "amcl":
         return None, f"No {NAV2}: {task.localizer} is not a filter of Nav2."
     try:
-        document = nav2_document(task.trial(best.values, task.training[0]).params, path, node)
+        params = task.trial(tuning.best.values, task.training[0]).params
+        document = nav2_document(params, path, node)
     except InputError as error:
         return None, f"No {NAV2}: {error}"
     return yaml.safe_dump(document, sort_keys=False), ""
 
 
-def _trade_off(tuning: Tuning) -> bytes:
+def _trade_off(tuning: Search) -> bytes:
     """Return the picture of score and time of all candidates on all training segments."""
     from matplotlib.ticker import LogLocator, NullLocator
 

@@ -70,7 +70,7 @@ def interval(value: Interval, form: str = ".2f") -> str:
     return f"{value.low:{form}} to {value.high:{form}}".replace("-", "−")
 
 
-def significant(value: float, digits: int = 3) -> str:
+def rounded(value: float, digits: int = 3) -> str:
     """A number with this many significant digits, without an exponent."""
     if math.isnan(value):
         return "n/a"

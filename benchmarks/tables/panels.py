@@ -168,9 +168,8 @@ def panels(
         called = {method: label for label, method in methods.items()}
         unfinished = [t for t in failed if t.setting == setting and t.method in called]
         runs = frames.trials_frame(listed, unfinished)
-        cells = {(*frames.method_columns(m).values(),): label for m, label in called.items()}
-        named = zip(*(runs[name] for name in frames.METHOD), strict=True)
-        row_labels = [cells[cell] for cell in named]
+        row_labels = [called[r.trial.method] for r in listed for _ in r.scores]
+        row_labels += [called[trial.method] for trial in unfinished]
         made.append(
             Panel(
                 number=number,

@@ -50,7 +50,7 @@ def estimate(values: Floats) -> Interval:
     if values.size < 2 or np.isnan(values).any():
         return Interval(float(values.mean()))
     means = [values[worlds].mean(axis=1) for worlds in _resamples(values.size)]
-    return Interval(float(values.mean()), *_middle(means, QUANTILES))
+    return Interval(float(values.mean()), *np.quantile(np.concatenate(means), QUANTILES).tolist())
 
 
 def sample_sd(values: Floats) -> float:
@@ -67,7 +67,7 @@ def relative_change(differences: Floats, reference: Floats) -> Interval:
         return Interval(share)
     drawn = _resamples(differences.size)
     shares = [differences[worlds].sum(axis=1) / reference[worlds].sum(axis=1) for worlds in drawn]
-    return Interval(share, *_middle(shares, (0.025, 0.975)))
+    return Interval(share, *np.quantile(np.concatenate(shares), (0.025, 0.975)).tolist())
 
 
 def median_estimate(values: Floats) -> Interval:
@@ -132,13 +132,11 @@ def sign_test(differences: Floats) -> float:
 
 def holm(p_values: Sequence[float]) -> list[float]:
     """Holm's (1979) adjusted p-values of a family of tests; NaN is no member and stays NaN."""
-    adjusted = list(p_values)
-    family = sorted((p, i) for i, p in enumerate(p_values) if not math.isnan(p))
-    largest = 0.0
-    for rank, (p, i) in enumerate(family):
-        largest = max(largest, min(1.0, (len(family) - rank) * p))
-        adjusted[i] = largest
-    return adjusted
+    adjusted = np.array(p_values, np.float64)
+    order = np.argsort(adjusted)[: np.count_nonzero(~np.isnan(adjusted))]  # NaN is last
+    steps = np.minimum(adjusted[order] * np.arange(order.size, 0, -1), 1.0)
+    adjusted[order] = np.maximum.accumulate(steps)
+    return [float(p) for p in adjusted]
 
 
 def wilson(share: float, n: int) -> tuple[float, float]:
@@ -158,11 +156,6 @@ def multiplicities(n: int) -> Floats:
     of_resample = np.arange(len(drawn))[:, None] * n + drawn
     counts = np.bincount(of_resample.ravel(), minlength=drawn.size)
     return counts.reshape(drawn.shape).astype(np.float64)
-
-
-def _middle(blocks: Sequence[Floats], ends: tuple[float, float]) -> tuple[float, float]:
-    low, high = np.quantile(np.concatenate(blocks), ends)
-    return float(low), float(high)
 
 
 @lru_cache(maxsize=1)

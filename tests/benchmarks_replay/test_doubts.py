@@ -118,13 +118,13 @@ def off(place, cells):
 
 
 def test_a_map_that_is_right_has_no_wrong_place(lap):
-    assert residuals_of(*lap).places == []
+    assert residuals_of(*lap).places.empty
 
 
 def test_a_missing_wall_is_hit_in_free_space_and_a_wall_too_many_is_seen_through(lap, wrong):
     places = residuals_of(wrong, lap[1]).places
-    assert {place.kind for place in places} == {HIT, THROUGH}
-    for place in places:
+    assert {*places["kind"]} == {HIT, THROUGH}
+    for place in places.itertuples():
         # sensor noise of 0.02 m, cells of 0.1 m
         assert off(place, GONE if place.kind == HIT else NEW) <= 0.1 + 4 * 0.02
         assert place.poses >= 3
@@ -135,11 +135,11 @@ def test_a_missing_wall_is_hit_in_free_space_and_a_wall_too_many_is_seen_through
 def test_places_are_ranked_by_evidence_and_a_blurred_map_is_told_from_things_that_moved(lap, wrong):
     _, log = lap
     found = residuals_of(wrong, log)
-    evidence = [place.evidence for place in found.places]
+    evidence = [*found.places["evidence"]]
     assert evidence == sorted(evidence, reverse=True)
     assert min(evidence) > 0
     half = residuals_of(wrong, log.of_records(slice(0, 30)))
-    assert max(evidence) > max(place.evidence for place in half.places)  # fewer poses tell less
+    assert max(evidence) > half.places["evidence"].max()  # fewer poses tell less
     assert "gathered, so things have moved" in found.said
     assert "All returns fit" in residuals_of(*lap).said
     poses = log.reference + np.random.default_rng(0).normal(0, [0.08, 0.08, 0], log.reference.shape)
@@ -148,9 +148,9 @@ def test_places_are_ranked_by_evidence_and_a_blurred_map_is_told_from_things_tha
 
 def test_one_pose_is_no_evidence_however_often_it_looks(lap, wrong):
     _, log = lap
-    assert residuals_of(wrong, log).places
+    assert not residuals_of(wrong, log).places.empty
     still = log.of_records(np.full(200, 30))
-    assert residuals_of(wrong, still).places == []
+    assert residuals_of(wrong, still).places.empty
 
 
 def test_scans_of_a_robot_that_is_lost_are_not_used(lap):
@@ -158,7 +158,7 @@ def test_scans_of_a_robot_that_is_lost_are_not_used(lap):
     poses = np.tile([0.4, 3.0, 0.3], (len(log), 1))
     residuals = residuals_of(hall, log, poses)
     assert not residuals.used.any()
-    assert residuals.places == []
+    assert residuals.places.empty
 
 
 def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, here, capsys):

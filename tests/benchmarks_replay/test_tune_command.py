@@ -15,7 +15,7 @@ from refusals import refused
 
 from benchmarks.robots import replay_of
 from benchmarks.robots.nav2 import nav2_document, read_nav2, usual_params
-from benchmarks.robots.search import GOALS, RUNS, Candidate, Tuning, cut
+from benchmarks.robots.search import GOALS, RUNS, Candidate, cut
 from benchmarks.robots.space import Choice, Range, built_in, latin_hypercube, neighbour, space_of
 from benchmarks.robots.tuned import gain, segments_table
 from benchmarks.setup.overrides import Overrides
@@ -245,7 +245,7 @@ def held_out(default, tuned, *, max_ms=None, best_ms=1.0, default_ms=1.0):
     index = pd.MultiIndex.from_product(runs, names=["which", *RUN])
     errors = np.repeat(np.array([default, tuned], float), RUNS)
     runs = pd.DataFrame({"position_median": errors}, index)
-    return Tuning(task=task, tried=tried, best=tried[1], held_out=runs, calibrations={})
+    return SimpleNamespace(task=task, tried=tried, best=tried[1], held_out=runs)
 
 
 def candidate(values, **come):
