@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from deqmcl_gym.maps.drive_kernels import wind
 from deqmcl_gym.numerics import Bools, Single, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
+from deqmcl_gym.numerics.elementary import sincos32
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _TINY, _INF, _NAN = np.float32(1e-12), np.float32(np.inf), np.float32(np.nan)
@@ -212,37 +212,15 @@ def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out
 def cast_fans(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Singles) -> None:
     """Do the same as ``cast_all``, with the lanes over the beams, for a handful of poses.
 
-    Room and box are repeated here: with lanes over poses, their sides differ between lanes, and a
-    common loop takes a fifth longer.
+    Directions are symmetric in heading and bearing: the beams are cast as poses with one beam.
     """
-    walls = AllWalls(*arrays)
-    beams = bearings.size
-    x, y = np.empty(beams, np.float32), np.empty(beams, np.float32)
-    dx, dy = np.empty(beams, np.float32), np.empty(beams, np.float32)
-    per_dx, per_dy = np.empty(beams, np.float32), np.empty(beams, np.float32)
-    best = np.empty(beams, np.float32)
-    room, box, more = walls.room, walls.box, _has_more(walls)
-    for pose in range(poses.shape[1]):
-        px, py = poses[0, pose], poses[1, pose]
-        sine, cosine = sin32(poses[2, pose]), cos32(poses[2, pose])
-        for i in range(beams):
-            bs, bc = sin32(bearings[i]), cos32(bearings[i])
-            dx[i] = cosine * bc - sine * bs
-            dy[i] = sine * bc + cosine * bs
-        for i in range(beams):
-            per_dx[i], per_dy[i] = inverse(dx[i]), inverse(dy[i])
-        left, low, right, high = room[0] - px, room[1] - py, room[2] - px, room[3] - py
-        for i in range(beams):
-            best[i] = leave(left, low, right, high, per_dx[i], per_dy[i])
-        left, low, right, high = box[0] - px, box[1] - py, box[2] - px, box[3] - py
-        for i in range(beams):
-            best[i] = enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
-        if more:
-            x[:], y[:] = px, py
-            _shorten(x, y, dx, dy, per_dx, per_dy, walls, best)
-        for i in range(beams):
-            out[i, pose] = best[i]
-    _blind(_inside(poses, walls.outer, walls.room), out)
+    fan, seen = np.empty((3, bearings.size), np.float32), np.empty((1, bearings.size), np.float32)
+    fan[2] = bearings
+    for i in range(poses.shape[1]):
+        fan[0], fan[1] = poses[0, i], poses[1, i]
+        cast_all(fan, poses[2, i : i + 1], arrays, seen)
+        for beam in range(bearings.size):
+            out[beam, i] = seen[0, beam] if abs(poses[2, i]) < _INF else _NAN
 
 
 Reach = NDArray[np.uint8]
