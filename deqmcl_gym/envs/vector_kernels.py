@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.maps.grid_kernels import cast_cells, distances, enters_circle, first_contact
+from deqmcl_gym.maps.grid_kernels import distances, enters_circle, first_contact
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.world.path_kernels import drive_along, judged_step, noisy_drive, steer
@@ -29,11 +29,8 @@ class CellRows(NamedTuple):
     reach: Any  # as of ``GridMap.cells``, flat, (s, c)
     up: Any
     down: Any
-    sight: Any  # the reach for beams, flat, (s, c)
     shapes: Indices  # rows and columns, (s, 2)
     frames: Floats  # of the maps, (s, 5)
-    yaws: Floats  # of the maps, (s,)
-    endless: Bools  # whether beams go on beyond the map's edge, (s,)
 
 
 class Courses(NamedTuple):
@@ -63,16 +60,15 @@ def step_rooms(
     """Turn and drive the robots that are not ``resting``, (n,).
 
     Tuples are plain ones: numba takes them faster. Rules are the noise (σ_dd, σ_φφ, σ_φd), the
-    rewards of ``judged_step``, the distance from the end of a route at which the task is done (-1:
-    never) and the most steps of an episode. Commands are (distance, turn), (n, 2), normals N(0, 1)
-    for both, (n, rows, 2), of which each robot uses row ``at``, (n,); advanced by one. Filled in
-    are rewards, whether a wall stopped the robot, whether the task is done, and whether the limit
-    or the plan's end came before, (n,) each.
+    rewards of ``judged_step`` and the most steps of an episode. Commands are (distance, turn), (n,
+    2), normals N(0, 1) for both, (n, rows, 2), of which each robot uses row ``at``, (n,); advanced
+    by one. Filled in are rewards, whether a wall stopped the robot, whether the task is done, and
+    whether the limit or the plan's end came before, (n,) each.
     """
     poses, gaps, arcs, progress, steps = robots
     slots, sizes, walls, counts, cells = grounds
     edges, edge_counts, periods, _, goals, _, limits = courses
-    noise, rewards, near, limit = rules
+    noise, rewards, limit = rules
     all_rewards, all_collided, terminated, truncated = moved
     # Numbers of each robot, not the tuples: passing a tuple on counts a reference to each of its
     # arrays, which took four fifths of a step when it was done for every robot.
@@ -103,12 +99,10 @@ def step_rooms(
         poses[i, 0], poses[i, 1], poses[i, 2] = x, y, heading
         path = edges[i, : edge_counts[i]]
         arcs[i], gained, reward, done = judged_step(
-            drive, arcs[i], progress[i], collided, path, periods[i], rewards
-        )
+            drive, arcs[i], progress[i], collided, path, periods[i], (goals[i, 0], goals[i, 1]),
+            rewards,
+        )  # fmt: skip
         progress[i] += gained
-        off_x, off_y = x - goals[i, 0], y - goals[i, 1]
-        if np.sqrt(off_x * off_x + off_y * off_y) <= near:
-            reward, done = reward + rewards[1], True
         all_rewards[i], all_collided[i], terminated[i] = reward, collided, done
         given_up = steps[i] >= limits[i] and not done
         truncated[i] = given_up or steps[i] >= limit
@@ -156,40 +150,17 @@ def plan_rooms(
 
 
 @compiled
-def cast_in_rooms(
-    cells: tuple[Any, ...], rooms: Indices, poses: Singles, bearings: Singles, out: Singles
-) -> None:
-    """Fill in the ranges (B, k) from a pose in each of ``rooms`` (k,), each a map of ``cells``."""
-    _, _, _, sight, shapes, frames, yaws, endless = cells
-    pose, seen = np.empty((3, 1), poses.dtype), np.empty((bearings.size, 1), np.float32)
-    for k in range(rooms.size):
-        slot = rooms[k]
-        rows, columns = shapes[slot]
-        reach = sight[slot, : rows * columns].reshape(rows, columns)
-        pose[0, 0], pose[1, 0], pose[2, 0] = poses[0, k], poses[1, k], poses[2, k]
-        frame = _frame(frames, slot)
-        cast_cells(pose, bearings, reach, frame, yaws[slot], endless[slot], seen)
-        out[:, k] = seen[:, 0]
-
-
-@compiled
 def _grid(cells: Any, slot: int) -> Any:
     """Return ``GridMap.cells`` of one of the maps."""
-    reach, up, down, _, shapes, frames, _, _ = cells
+    reach, up, down, shapes, frames = cells
     rows, columns = shapes[slot]
-    size = rows * columns
+    size, frame = rows * columns, frames[slot]
     return (
         reach[slot, :size].reshape(rows, columns),
         up[slot, :size].reshape(rows, columns),
         down[slot, :size].reshape(rows, columns),
-        _frame(frames, slot),
+        (frame[0], frame[1], frame[2], frame[3], frame[4]),
     )
-
-
-@compiled
-def _frame(frames: Floats, slot: int) -> tuple[float, float, float, float, float]:
-    row = frames[slot]
-    return row[0], row[1], row[2], row[3], row[4]
 
 
 @compiled
@@ -256,26 +227,3 @@ def _contact_with_walls(
         # the corner at its start
         first = min(first, enters_circle(px, py, dx, dy, radius))
     return first
-
-
-@compiled
-def report(
-    rooms: Indices,
-    exact: Singles,
-    normals: Floats,
-    at: Indices,
-    sigma: float,
-    max_range: float,
-    out: Singles,
-) -> None:
-    """Fill in scans as ``LidarSensor`` reports them, (n, B), of ``rooms`` (k,).
-
-    ``exact`` is (B, k). Each uses the next row of its normal numbers, (n, rows, B).
-    """
-    for i in range(rooms.size):
-        room = rooms[i]
-        row = at[room]
-        at[room] = row + 1
-        for beam in range(out.shape[1]):
-            seen = exact[beam, i] + sigma * normals[room, row, beam]
-            out[room, beam] = min(max(seen, 0.0), max_range)

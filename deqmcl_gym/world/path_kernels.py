@@ -168,7 +168,8 @@ def judged_step(
     collided: bool,
     edges: Floats,
     period: float,
-    rewards: tuple[float, float, float],
+    end: tuple[float, float],
+    rewards: tuple[float, float, float, float],
 ) -> tuple[float, float, float, bool]:
     """Return arc length and progress of a step, its reward, and whether the task is done.
 
@@ -176,16 +177,19 @@ def judged_step(
     the goal without contact, and less otherwise.
 
     A drive is from (x, y) to (x, y), ``before`` the arc length before it. Rewards are the progress
-    at which the task is done, inf if it never is; the reward for that; the penalty for a contact.
+    at which the task is done, inf if it never is; the reward for that; the penalty for a contact;
+    the distance from the path's ``end`` at which the task is done, too, -1 if it never is.
     """
     from_x, from_y, x, y = drive
     arc, gained = follow(from_x, from_y, x, y, before, edges, period)
-    goal, bonus, penalty = rewards
+    goal, bonus, penalty, near = rewards
     reward = gained - penalty * collided
     progress += gained
-    if progress < goal:
-        return arc, gained, reward, False
-    return arc, gained, reward - (progress - goal) + bonus, True
+    if progress >= goal:
+        return arc, gained, reward - (progress - goal) + bonus, True
+    off_x, off_y = x - end[0], y - end[1]
+    done: bool = np.sqrt(off_x * off_x + off_y * off_y) <= near
+    return arc, gained, reward + bonus if done else reward, done
 
 
 NEARER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the look-ahead that are tried on a route
