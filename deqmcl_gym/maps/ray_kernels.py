@@ -107,14 +107,6 @@ def _inside(poses: Singles, outer: Singles, room: Rectangle) -> Bools:
 
 
 @compiled
-def _blind(inside: Bools, out: Singles) -> None:
-    """Overwrite by NaN the ranges (B, n) of poses that are not inside, (n,)."""
-    for i in range(inside.size):
-        if not inside[i]:
-            out[:, i] = _NAN
-
-
-@compiled
 def _shorten(
     x: Singles,
     y: Singles,
@@ -162,11 +154,6 @@ def _sides(rectangle: Rectangle, x: Singles, y: Singles, out: Singles) -> None:
 
 
 @compiled
-def _has_more(walls: AllWalls) -> bool:
-    return walls.boxes.size + walls.upright.size + walls.level.size + walls.oblique.size > 0
-
-
-@compiled
 def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Singles) -> None:
     """Fill in the distance along each beam to the nearest wall, as ``Caster.cast``.
 
@@ -180,7 +167,7 @@ def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out
     beam_cosine = np.empty(bearings.size, np.float32)
     sincos32(bearings, beam_sine, beam_cosine)
     room, box = np.empty((4, _RAYS), np.float32), np.empty((4, _RAYS), np.float32)
-    more = _has_more(walls)
+    more = walls.boxes.size + walls.upright.size + walls.level.size + walls.oblique.size > 0
     n = poses.shape[1]
     for start in range(0, n, _RAYS):
         count = min(_RAYS, n - start)
@@ -205,7 +192,10 @@ def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out
                     dx[i] = cosine[i] * bc - sine[i] * bs
                     dy[i] = sine[i] * bc + cosine[i] * bs
                 _shorten(x, y, dx, dy, per_dx, per_dy, walls, best)
-    _blind(_inside(poses, walls.outer, walls.room), out)
+    inside = _inside(poses, walls.outer, walls.room)
+    for i in range(n):
+        if not inside[i]:
+            out[:, i] = _NAN
 
 
 @compiled

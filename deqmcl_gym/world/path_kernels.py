@@ -105,13 +105,9 @@ def drive_along(
 ) -> int:
     """Fill in the actions (n, 2) of a driver without noise until it is done; return their number.
 
-    Args:
-        pose, arc, way: where the robot is, on the path, and how far along it so far.
-        edges, period: of the path.
-        rules: look-ahead distance; heading error beyond which it turns on the spot; step; largest
-            turn of a step; distance along the path at which it is done; distance from the end of
-            the path at which it is done.
-        actions: distance, turn.
+    It begins at ``arc``, having come as far as ``way``. Rules: look-ahead distance; heading error
+    beyond which it turns on the spot; step; largest turn of a step; distance along the path at
+    which it is done; distance from the end of the path at which it is done.
     """
     x, y, heading = pose
     look_ahead, on_the_spot, step, most, end, near = rules
