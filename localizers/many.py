@@ -99,8 +99,8 @@ class LocalizeVectorEnv(ManyEpisodes):
         self._moves = NormalTable(n, 2, self.max_steps)
         self._readings = NormalTable(n, self.lidar.beams, self.max_steps + 1)
         courses = vector_kernels.Courses(  # none: of step_rooms only the motion counts
-            np.zeros((n, 1, 6)), np.ones(n, np.intp), np.full(n, np.inf), np.ones(n),
-            np.zeros((n, 2)), np.full(n, np.inf), np.full(n, np.iinfo(np.intp).max),
+            np.zeros((n, 1, 6)), np.ones(n, np.intp), np.full(n, np.inf), np.zeros((n, 2)),
+            np.full(n, np.iinfo(np.intp).max),
         )  # fmt: skip
         self._courses = tuple(courses)
         self._rules = self.world.noise.sds, (np.inf, 0.0, 0.0, -1.0), np.iinfo(np.intp).max

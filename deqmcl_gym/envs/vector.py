@@ -231,7 +231,7 @@ class RoomVectorEnv(ManyEpisodes):
             return rooms.scans.copy()
         courses = rooms.courses
         goals = None if rules.journeys is None else courses.goals
-        shares = rooms.progress / courses.lengths, rooms.steps / courses.limits
+        shares = rooms.progress / rooms.lengths, rooms.steps / courses.limits
         return rules.seen(rooms.scans, rooms.plans()[0], *shares, goals, rooms.poses)
 
     def _state_info(self) -> Info:

@@ -10,7 +10,7 @@ import numpy as np
 from deqmcl_gym.maps.grid_kernels import distances, enters_circle, first_contact
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.world.path_kernels import drive_along, judged_step, noisy_drive, steer
+from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
 
 
 class Robots(NamedTuple):
@@ -39,9 +39,7 @@ class Courses(NamedTuple):
     edges: Floats  # as in ``deqmcl_gym.world.path_kernels``, padded, (n, k, 6)
     counts: Indices  # number of edges, (n,)
     periods: Floats  # length of a closed path, ∞ of an open one, (n,)
-    lengths: Floats  # as ``Path.length`` adds them up, (n,)
     goals: Floats  # the last corner (x, y), (n, 2)
-    ends: Floats  # progress at which a driver is done, ∞ on a route, (n,)
     limits: Indices  # number of steps after which the plan ends, (n,)
 
 
@@ -67,7 +65,7 @@ def step_rooms(
     """
     poses, gaps, arcs, progress, steps = robots
     slots, sizes, walls, counts, cells = grounds
-    edges, edge_counts, periods, _, goals, _, limits = courses
+    edges, edge_counts, periods, goals, limits = courses
     noise, rewards, limit = rules
     all_rewards, all_collided, terminated, truncated = moved
     # Numbers of each robot, not the tuples: passing a tuple on counts a reference to each of its
@@ -106,47 +104,6 @@ def step_rooms(
         all_rewards[i], all_collided[i], terminated[i] = reward, collided, done
         given_up = steps[i] >= limits[i] and not done
         truncated[i] = given_up or steps[i] >= limit
-
-
-@compiled
-def plan_rooms(
-    robots: tuple[Any, ...],
-    grounds: tuple[Any, ...],
-    courses: tuple[Any, ...],
-    driver: tuple[Any, ...],
-    rooms: Indices,
-    shown: Singles,
-    counts: Indices,
-) -> None:
-    """Fill in what the drivers of ``rooms`` (k,) would do, as ``driver.GuidedPlan.after``.
-
-    A driver is the first four rules of ``drive_along``, the distance from the path's end at which
-    it is done, and the most room that it keeps to walls on a route among cells (-1: it does not
-    look at them). ``shown`` are the next h actions, zero-padded, (n, h, 2), ``counts`` how many,
-    (n,).
-    """
-    poses, _, arcs, progress, steps = robots
-    slots, sizes, _, _, cells = grounds
-    edges, edge_counts, periods, lengths, goals, ends, limits = courses
-    (look_ahead, on_the_spot, step, turn), near, clearance = driver
-    horizon = shown.shape[1]
-    for i in rooms:
-        left = limits[i] - steps[i]
-        pose = poses[i, 0], poses[i, 1], poses[i, 2]
-        rules = look_ahead, on_the_spot, step, turn, ends[i], near
-        path = edges[i, : edge_counts[i]]
-        actions = np.empty((left if clearance >= 0.0 else min(left, horizon), 2), np.float32)
-        if clearance < 0.0:
-            count = drive_along(pose, arcs[i], progress[i], path, periods[i], rules, actions)
-        else:
-            grid, goal = _grid(cells, slots[i]), (goals[i, 0], goals[i, 1])
-            way, length, size = progress[i], lengths[i], sizes[slots[i], 0]
-            count = steer(
-                pose, arcs[i], way, path, length, goal, rules, grid, size, clearance, actions
-            )
-        count = min(count, horizon)
-        shown[i, :count], shown[i, count:] = actions[:count], 0.0
-        counts[i] = count
 
 
 @compiled

@@ -1,6 +1,5 @@
 """Rooms: the episodes and maps of many rooms as flat arrays, moved and planned for in kernels."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.world import Stream, World, episode_stream
 from deqmcl_gym.world.course import MAX_STEPS
-from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Underway
+from deqmcl_gym.world.driver import FixedPlan, Underway
 from deqmcl_gym.world.episode import Beginning, report
 from deqmcl_gym.world.rules import RoomRules
 
@@ -30,20 +29,18 @@ class Rooms:
         self.buildings = np.zeros(number, np.int64)
         self.poses, self.steps = np.zeros((number, 3)), np.zeros(number, np.intp)
         gaps, arcs, self.progress = np.zeros((3, number))
+        self.lengths = np.ones(number)  # of the paths
         self._robots = kernels.Robots(self.poses, gaps, arcs, self.progress, self.steps)
         self.courses = kernels.Courses(
             edges=np.zeros((number, 0, 6)),
             counts=np.zeros(number, np.intp),
             periods=np.full(number, np.inf),
-            lengths=np.ones(number),
             goals=np.zeros((number, 2)),
-            ends=np.full(number, np.inf),
             limits=np.ones(number, np.intp),
         )
         self._numbers = world.noise.sds, rules.rewards, limit
         self.scans = np.zeros((number, world.lidar.beams), np.float32)
         self._lap = None if world.route is not None else rules.plan
-        self._driver = _driver(rules)
         self._shown = np.zeros((number, rules.rows, 2), np.float32)
         self._counts = np.zeros(number, np.intp)
 
@@ -80,9 +77,8 @@ class Rooms:
             wider = wide(self.courses.edges, len(edges))
             self.courses = courses = self.courses._replace(edges=wider)
             courses.edges[room, : len(edges)], courses.counts[room] = edges, len(edges)
-            courses.periods[room], courses.lengths[room] = path.period, path.length
+            courses.periods[room], self.lengths[room] = path.period, path.length
             courses.goals[room], courses.limits[room] = path.corners[-1], plan.limit
-            courses.ends[room] = plan.rules[4] if isinstance(plan, GuidedPlan) else math.inf
             self.poses[room], self._robots.arcs[room] = begun.start, begun.arc
             self._robots.gaps[room] = self.progress[room] = 0.0
             self.steps[room] = 0
@@ -120,12 +116,6 @@ class Rooms:
 
     def _plan(self, rooms: Indices) -> None:
         """Note what is planned in each of ``rooms``."""
-        if self._driver is not None:
-            kernels.plan_rooms(
-                tuple(self._robots), self._grounds.kernel, tuple(self.courses), self._driver,
-                rooms, self._shown, self._counts,
-            )  # fmt: skip
-            return
         for room in rooms.tolist():
             x, y, heading = self.poses[room].tolist()
             way, arc = float(self.progress[room]), float(self._robots.arcs[room])
@@ -145,17 +135,6 @@ def _steps(rules: RoomRules) -> int:
     if route is None:
         return rules.plan.limit
     return int(min(2 * route.max_length / lap.step + 1, MAX_STEPS))
-
-
-def _driver(rules: RoomRules) -> tuple[object, ...] | None:
-    """Return the driver of ``plan_rooms``, if there is one and it has what he looks at."""
-    world = rules.world
-    driver, lap, route = world.driver, world.lap, world.route
-    if driver is None or (route is not None and not isinstance(world.floor_plan, GridMap)):
-        return None
-    steering = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn
-    near, clearance = (-1.0, -1.0) if route is None else (route.tolerance, route.clearance)
-    return steering, near, clearance
 
 
 class NormalTable:
