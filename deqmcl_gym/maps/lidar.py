@@ -77,7 +77,8 @@ class Lidar(Part, called="lidar.{}"):
     ``mounts``, a :class:`Mount`, a mapping or a row (x, y, heading); their beams follow in turn.
     """
 
-    beams: int = 1  #: number of beams, of all mounts together; a single one looks straight ahead
+    #: number of beams, of all mounts together; a single one looks straight ahead
+    beams: int = bounded(1, low=1, high=100_000)
     #: angle between the outermost beams, rad
     field_of_view: float = bounded(math.pi / 2, low=0, high=_TURN, above=True)
     max_range: float = bounded(400.0, LENGTH, low=0, above=True)  #: largest range reported
@@ -89,7 +90,6 @@ class Lidar(Part, called="lidar.{}"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        integer("lidar.beams", self.beams, low=1, high=100_000)
         number("lidar.min_range", self.min_range, low=0, high=self.max_range)
         ahead, aside = array("lidar.mounting", self.mounting, (2,)).tolist()
         object.__setattr__(self, "mounting", (ahead, aside))

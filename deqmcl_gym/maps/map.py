@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps.drive_kernels import directed, put
 from deqmcl_gym.numerics import Bools, Floats, Ints, Singles, T
-from deqmcl_gym.validation import InputError, keep_plain, number, one_of, real
+from deqmcl_gym.validation import InputError, integer, keep_plain, number, one_of, real
 
 _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
@@ -36,7 +36,7 @@ POSE: Mapping[str, tuple[int, ...]] = MappingProxyType({"length": (1, 1, 0)})
 def bounded(
     default: Any = dataclasses.MISSING, kind: Mapping[str, Any] | None = None, **bounds: Any
 ) -> Any:
-    """Return a field of a :class:`Part`: a number in the bounds that ``number`` takes."""
+    """Return a field of a :class:`Part`: a number in these bounds, whole if ``default`` is."""
     return dataclasses.field(default=default, metadata={**(kind or {}), "bounds": bounds})
 
 
@@ -53,7 +53,8 @@ class Part:
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             if "bounds" in field.metadata:
                 what, value = self._called.format(field.name), getattr(self, field.name)
-                number(what, value, **field.metadata["bounds"])
+                check = integer if isinstance(field.default, int) else number
+                check(what, value, **field.metadata["bounds"])
 
 
 def pixel(unit: str) -> float:

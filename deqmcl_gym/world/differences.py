@@ -92,7 +92,7 @@ class Clutter(Part, called="clutter.{}"):
     beside the robot, or only off its ends.
     """
 
-    number: int = 10  #: of things
+    number: int = bounded(10, high=10_000)  #: of things
     #: least and greatest side of a box, or diameter of a pillar
     size: tuple[float, float] = field(default=(15.0, 40.0), metadata=LENGTH)
     round: float = bounded(0.5, low=0, high=1)  #: share of pillars
@@ -101,7 +101,6 @@ class Clutter(Part, called="clutter.{}"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        integer("clutter.number", self.number, high=10_000)
         object.__setattr__(self, "size", ordered("clutter.size", self.size, above=True))
         one_of("place of clutter", self.where, ("anywhere", "walls"))
         boolean("clutter.keep_route", self.keep_route)

@@ -11,7 +11,7 @@ from deqmcl_gym.maps.map import LENGTH, Caster, Map, Part, bounded, pixel
 from deqmcl_gym.numerics import Bools, Floats, Indices, Point, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.validation import InputError, integer
+from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.differences import ordered
 
 _LEGS = 16
@@ -30,14 +30,13 @@ class People(Part, called="people.{}"):
     per s.
     """
 
-    number: int = 10  #: of people, up to 1000
+    number: int = bounded(10, high=1000)  #: of people, up to 1000
     radius: float = bounded(15.0, LENGTH, low=0, above=True)  #: of a person
     speed: tuple[float, float] = field(default=(25.0, 75.0), metadata=LENGTH)  #: range, per s
     seconds: float = bounded(0.4, low=0, above=True)  #: duration of a step of the robot
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        integer("people.number", self.number, high=1000)
         object.__setattr__(self, "speed", ordered("people.speed", self.speed))
 
 
