@@ -81,8 +81,7 @@ class AllWalls(NamedTuple):
 
     outer: Singles  # the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4)
     room: Rectangle  # that all poses are in; infinite if the outer wall is not a rectangle
-    box: Rectangle  # seen from outside and from inside; all inf if there is none
-    boxes: Singles  # further ones, (S₀, 4); four walls each
+    boxes: Singles  # rectangles seen from outside and from inside, (S₀, 4)
     upright: Singles  # other walls x = c as (c, y_low, y_high), (S₁, 3)
     level: Singles  # other walls y = c as (c, x_low, x_high), (S₂, 3)
     oblique: Singles  # others: start, direction and extent along it, (S₃, 6)
@@ -117,7 +116,7 @@ def _shorten(
     walls: AllWalls,
     best: Singles,
 ) -> None:
-    """Shorten rays, (n,), to the nearest of all walls but ``room`` and ``box``."""
+    """Shorten rays, (n,), to the nearest of all walls but ``room``."""
     for other in range(walls.boxes.shape[0]):
         left, low, right, high = walls.boxes[other]
         for i in range(best.size):
@@ -145,15 +144,6 @@ def _shorten(
 
 
 @compiled
-def _sides(rectangle: Rectangle, x: Singles, y: Singles, out: Singles) -> None:
-    """Fill in the distances of a rectangle's sides from points (n,), along x or y, (4, n)."""
-    for side in range(4):
-        start = x if side % 2 == 0 else y
-        for i in range(start.size):
-            out[side, i] = rectangle[side] - start[i]
-
-
-@compiled
 def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Singles) -> None:
     """Fill in the distance along each beam to the nearest wall, as ``Caster.cast``.
 
@@ -166,32 +156,25 @@ def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out
     beam_sine = np.empty(bearings.size, np.float32)
     beam_cosine = np.empty(bearings.size, np.float32)
     sincos32(bearings, beam_sine, beam_cosine)
-    room, box = np.empty((4, _RAYS), np.float32), np.empty((4, _RAYS), np.float32)
-    more = walls.boxes.size + walls.upright.size + walls.level.size + walls.oblique.size > 0
+    left, low, right, high = walls.room
     n = poses.shape[1]
     for start in range(0, n, _RAYS):
         count = min(_RAYS, n - start)
         end = start + count
         x, y = poses[0, start:end], poses[1, start:end]
         sincos32(poses[2, start:end], sine, cosine)
-        _sides(walls.room, x, y, room)
-        _sides(walls.box, x, y, box)
         for beam in range(bearings.size):
             bs, bc = beam_sine[beam], beam_cosine[beam]
             best = out[beam, start:end]
             for i in range(count):
-                per_dx[i] = inverse(cosine[i] * bc - sine[i] * bs)
-                per_dy[i] = inverse(sine[i] * bc + cosine[i] * bs)
+                dx[i] = cosine[i] * bc - sine[i] * bs
+                dy[i] = sine[i] * bc + cosine[i] * bs
             for i in range(count):
-                left, low, right, high = room[0, i], room[1, i], room[2, i], room[3, i]
-                t = leave(left, low, right, high, per_dx[i], per_dy[i])
-                left, low, right, high = box[0, i], box[1, i], box[2, i], box[3, i]
-                best[i] = enter(left, low, right, high, per_dx[i], per_dy[i], t)
-            if more:
-                for i in range(count):
-                    dx[i] = cosine[i] * bc - sine[i] * bs
-                    dy[i] = sine[i] * bc + cosine[i] * bs
-                _shorten(x, y, dx, dy, per_dx, per_dy, walls, best)
+                per_dx[i], per_dy[i] = inverse(dx[i]), inverse(dy[i])
+            for i in range(count):
+                sides = left - x[i], low - y[i], right - x[i], high - y[i]
+                best[i] = leave(*sides, per_dx[i], per_dy[i])
+            _shorten(x, y, dx, dy, per_dx, per_dy, walls, best)
     inside = _inside(poses, walls.outer, walls.room)
     for i in range(n):
         if not inside[i]:
