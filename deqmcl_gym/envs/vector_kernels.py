@@ -107,20 +107,6 @@ def step_rooms(
 
 
 @compiled
-def _grid(cells: Any, slot: int) -> Any:
-    """Return ``GridMap.cells`` of one of the maps."""
-    reach, up, down, shapes, frames = cells
-    rows, columns = shapes[slot]
-    size, frame = rows * columns, frames[slot]
-    return (
-        reach[slot, :size].reshape(rows, columns),
-        up[slot, :size].reshape(rows, columns),
-        down[slot, :size].reshape(rows, columns),
-        (frame[0], frame[1], frame[2], frame[3], frame[4]),
-    )
-
-
-@compiled
 def _ahead(
     x: float,
     y: float,
@@ -134,12 +120,19 @@ def _ahead(
     skin: float,
 ) -> tuple[float, float]:
     """Return the gap of a robot to the nearest wall, and the share of a drive to its contact."""
-    if cells[0].shape[1] == 0:
+    reaches, ups, downs, shapes, frames = cells
+    if reaches.shape[1] == 0:
         gap = _gap_to_walls(x, y, walls) - radius
         if gap > way + skin:
             return gap, np.inf
         return gap, 0.0 if gap < 0.0 else _contact_with_walls(x, y, dx, dy, walls, radius)
-    reach, up, down, frame = _grid(cells, slot)
+    rows, columns = shapes[slot]
+    size = rows * columns
+    reach = reaches[slot, :size].reshape(rows, columns)
+    up = ups[slot, :size].reshape(rows, columns)
+    down = downs[slot, :size].reshape(rows, columns)
+    x0, y0, cosine, sine, cell = frames[slot]
+    frame = x0, y0, cosine, sine, cell
     point, nearest = np.array(((x,), (y,))), np.empty(1, np.float32)
     distances(point, reach, up, down, frame, nearest)
     gap = np.float64(nearest[0]) - radius

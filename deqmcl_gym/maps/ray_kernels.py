@@ -43,35 +43,6 @@ def inverse(slope: Single) -> Single:
     return _ONE / (slope if abs(slope) > _TINY else _TINY)
 
 
-@compiled
-def leave(
-    left: Single, low: Single, right: Single, high: Single, per_dx: Single, per_dy: Single
-) -> Single:
-    """Where a ray leaves the rectangle that it starts in; sides are relative to its start."""
-    leave_x = _more(left * per_dx, right * per_dx)
-    leave_y = _more(low * per_dy, high * per_dy)
-    return _less(leave_x, leave_y)
-
-
-@compiled
-def enter(
-    left: Single,
-    low: Single,
-    right: Single,
-    high: Single,
-    per_dx: Single,
-    per_dy: Single,
-    best: Single,
-) -> Single:
-    """Where a ray enters a rectangle, or leaves it: the slab method of Kay & Kajiya (1986)."""
-    to_left, to_right = left * per_dx, right * per_dx
-    to_low, to_high = low * per_dy, high * per_dy
-    enter = _more(_less(to_left, to_right), _less(to_low, to_high))
-    leave = _less(_more(to_left, to_right), _more(to_low, to_high))
-    t = enter if enter >= _ZERO else leave
-    return t if (t >= _ZERO) & (leave >= enter) & (t < best) else best
-
-
 Rectangle = Singles  # (x_low, y_low, x_high, y_high)
 _RAYS = 512  # of one beam cast at a time: their data fit the fastest cache
 
@@ -119,9 +90,13 @@ def _shorten(
     """Shorten rays, (n,), to the nearest of all walls but ``room``."""
     for other in range(walls.boxes.shape[0]):
         left, low, right, high = walls.boxes[other]
-        for i in range(best.size):
-            sides = left - x[i], low - y[i], right - x[i], high - y[i]
-            best[i] = enter(*sides, per_dx[i], per_dy[i], best[i])
+        for i in range(best.size):  # enters it, or leaves it: the slabs of Kay & Kajiya (1986)
+            to_left, to_right = (left - x[i]) * per_dx[i], (right - x[i]) * per_dx[i]
+            to_low, to_high = (low - y[i]) * per_dy[i], (high - y[i]) * per_dy[i]
+            enter = _more(_less(to_left, to_right), _less(to_low, to_high))
+            leave = _less(_more(to_left, to_right), _more(to_low, to_high))
+            t = enter if enter >= _ZERO else leave
+            best[i] = t if (t >= _ZERO) & (leave >= enter) & (t < best[i]) else best[i]
     for wall in range(walls.upright.shape[0]):
         at, low, high = walls.upright[wall]
         for i in range(best.size):
@@ -171,9 +146,10 @@ def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out
                 dy[i] = sine[i] * bc + cosine[i] * bs
             for i in range(count):
                 per_dx[i], per_dy[i] = inverse(dx[i]), inverse(dy[i])
-            for i in range(count):
-                sides = left - x[i], low - y[i], right - x[i], high - y[i]
-                best[i] = leave(*sides, per_dx[i], per_dy[i])
+            for i in range(count):  # leaves the room that it starts in
+                leave_x = _more((left - x[i]) * per_dx[i], (right - x[i]) * per_dx[i])
+                leave_y = _more((low - y[i]) * per_dy[i], (high - y[i]) * per_dy[i])
+                best[i] = _less(leave_x, leave_y)
             _shorten(x, y, dx, dy, per_dx, per_dy, walls, best)
     inside = _inside(poses, walls.outer, walls.room)
     for i in range(n):
