@@ -218,6 +218,20 @@ def numbers_of(words: list[str]) -> list[float]:
     return [float(word) for word in words]
 
 
+def columns_of(
+    path: Path, columns: Sequence[str], needed: Sequence[str], optional: Sequence[str]
+) -> list[int]:
+    """Return where a table has the needed columns and, if any of these, the optional ones."""
+    asked = [*needed, *(optional if {*optional} & {*columns} else ())]
+    for name in asked:
+        if (count := columns.count(name)) != 1:
+            raise InputError(
+                f"{path} has the column {name!r} {count} times, but must have {','.join(needed)} "
+                f"and all or none of {','.join(optional)}, each once."
+            )
+    return [columns.index(name) for name in asked]
+
+
 def writable_folder(path: Path) -> Path:
     """Make a folder if it is missing; refuse one that cannot be written to."""
     named = f"the output folder {path}"

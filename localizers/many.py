@@ -31,7 +31,7 @@ from deqmcl_gym.numerics.elementary import atan2_64, cos64, sin64, wrapped64
 from deqmcl_gym.validation import integer
 from deqmcl_gym.world import World
 from deqmcl_gym.world.course import centred_heading
-from deqmcl_gym.world.episode import LidarSensor
+from deqmcl_gym.world.episode import report, scanned
 from localizers.inference.particles import fill_systematic, normalize, shifted
 from localizers.models.motion import noisy_moves
 from localizers.models.prior import random_poses
@@ -99,11 +99,11 @@ class LocalizeVectorEnv(ManyEpisodes):
         self._moves = NormalTable(n, 2, self.max_steps)
         self._readings = NormalTable(n, self.lidar.beams, self.max_steps + 1)
         courses = vector_kernels.Courses(  # none: of step_rooms only the motion counts
-            np.zeros((n, 1, 6)), np.ones(n, np.intp), np.full(n, np.inf), np.ones(n),
-            np.zeros((n, 2)), np.full(n, np.inf), np.full(n, np.iinfo(np.intp).max),
+            np.zeros((n, 1, 6)), np.ones(n, np.intp), np.full(n, np.inf), np.zeros((n, 2)),
+            np.full(n, np.iinfo(np.intp).max),
         )  # fmt: skip
         self._courses = tuple(courses)
-        self._rules = self.world.noise.sds, (np.inf, 0.0, 0.0), -1.0, np.iinfo(np.intp).max
+        self._rules = self.world.noise.sds, (np.inf, 0.0, 0.0, -1.0), np.iinfo(np.intp).max
         self.scans = np.zeros((n, self.lidar.beams), np.float32)
         # of the filters
         self.particles = np.zeros((n, 3, count), np.float32)
@@ -167,7 +167,7 @@ class LocalizeVectorEnv(ManyEpisodes):
             pose = self._robots.poses[room] = x, y, centred_heading(heading)
             self._grounds.put(room, world)
             self._robots.gaps[room] = 0.0
-            self.scans[room] = LidarSensor(world.floor_plan.cast, self.lidar, sensor).scan(pose)
+            self.scans[room] = scanned(pose, world.floor_plan.cast, self.lidar, sensor)
             self._moves.renew(room, motion)
             self._readings.renew(room, sensor)
             stream = filtering.spawn(1)[0]
@@ -196,7 +196,7 @@ class LocalizeVectorEnv(ManyEpisodes):
         self._readings.fill()
         noise = self._readings
         limits = self.lidar.sigma, self.lidar.max_range
-        vector_kernels.report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
+        report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
         for room in rooms.tolist():
             self._of_filters[room].random(out=self._uniforms[room])
         self._each(

@@ -23,7 +23,7 @@ from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, o
 from deqmcl_gym.world import World
 from deqmcl_gym.world.course import centred_heading
 from deqmcl_gym.world.driver import NO_PLAN
-from deqmcl_gym.world.episode import Body, LidarSensor, contacts_of
+from deqmcl_gym.world.episode import Body, contacts_of
 from deqmcl_gym.world.rules import Commands, StepResult, check_options, scan_space, within
 
 RIGHT = Near(1.0, math.radians(30))  # of the best cluster to the truth
@@ -169,9 +169,8 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
             site = self._sites.site(self.building)
             self._enter(site, site.localizer)
         (x, y, heading), prior = self._begun(start)
-        lidar = LidarSensor(self.floor_plan.cast, self.lidar, sensor)
-        pose = x, y, centred_heading(heading)
-        self._body = Body(pose, self._walls, self.world, lidar, motion)
+        pose, caster = (x, y, centred_heading(heading)), self.floor_plan.cast
+        self._body = Body(pose, self._walls, self.world, caster, sensor, motion)
         self._scan = self._body.scan
         self._belief = self._localizer.reset(prior, NO_PLAN, filtering)
         self.steps, self._ended = 0, False

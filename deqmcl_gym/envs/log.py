@@ -11,21 +11,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym import logs
+from deqmcl_gym import logs, validation
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Indices, Pose, Singles
-from deqmcl_gym.validation import (
-    InputError,
-    NoEpisodeError,
-    UnavailableError,
-    array,
-    check_arguments,
-    integer,
-    number,
-    one_of,
-    shown,
-)
+from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, one_of, shown
 from deqmcl_gym.world import WORLDS
 from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.rules import StepResult, check_options
@@ -105,7 +95,7 @@ def log_segments(log: logs.Log, length: float | None) -> Indices:
 def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
     """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair."""
     if not isinstance(given, str):
-        distance, angle = array(what, cast(ArrayLike, given), (2,)).tolist()
+        distance, angle = validation.array(what, cast(ArrayLike, given), (2,)).tolist()
         return distance, angle
     thresholds = {"length": math.inf, "angle": math.inf}
     for part in given.split(","):
@@ -217,7 +207,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         changed_walls: Mapping[str, Any] | None = None,
         **others: Any,
     ) -> None:
-        check_arguments(others, set(signature(LogEnv).parameters) - {"others"})
+        validation.check_arguments(others, set(signature(LogEnv).parameters) - {"others"})
         if log is None:
             raise InputError("there is no log: give log=…, the path of one.")
         self._on_mismatch = one_of("on_mismatch", on_mismatch, ("error", "ignore"))
@@ -257,7 +247,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     def floor_plan(self) -> Map:
         """The map, for localizers; UnavailableError without one."""
         if self._map is None:
-            raise UnavailableError("the env was made without a map: give map=….")
+            raise validation.UnavailableError("the env was made without a map: give map=….")
         return self._map
 
     @property
@@ -265,7 +255,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         """The reference pose of this episode's first record; UnavailableError without one."""
         at = self.log[self._begun - self.elapsed_steps].reference
         if at is None:
-            raise UnavailableError(
+            raise validation.UnavailableError(
                 f"{self.log.source} has no reference pose where it begins: give a reference."
             )
         return at
@@ -302,7 +292,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     def step(self, action: ArrayLike) -> StepResult:
         """Play the next record."""
         recorded = self.next_action
-        given = array("the action (forward, left, turn)", action, (3,))
+        given = validation.array("the action (forward, left, turn)", action, (3,))
         if self._on_mismatch == "error" and np.abs(given - recorded).max() > _SAME:
             sent, right = (f"({', '.join(map('{:.6g}'.format, a))})" for a in (given, recorded))
             raise InputError(

@@ -31,7 +31,6 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         self.num_envs, self._mode = rooms, checked_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self._mode}
         self._begun, self._ended = np.zeros((2, rooms), np.bool_)
-        self._all, self._all_begun = np.ones(rooms, np.bool_), False
 
     def reset(
         self,
@@ -48,7 +47,6 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         chosen = _chosen_rooms(options, self.num_envs)
         rooms = np.flatnonzero(chosen)
         self._begin(rooms, _checked_seeds(seed, self.num_envs))
-        self._scan(rooms)
         none = np.zeros_like(chosen)
         nothing = np.zeros((self.num_envs, 2), np.float32)
         return self._seen(), self._info(chosen, nothing, none, none)
@@ -57,16 +55,12 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
         """Begin an episode in each of ``rooms``, with ``seeds`` (n,) or as the room's next one."""
         self._draw(rooms, seeds)
         self._begun[rooms] = True
-        self._all_begun = bool(self._begun.all())
         self._ended = self._ended.copy()  # step() still uses the old array
         self._ended[rooms] = False
 
     def _draw(self, rooms: Indices, seeds: Sequence[int | None] | None) -> None:
-        """Draw what begins an episode in each of ``rooms``."""
+        """Draw what begins an episode in each of ``rooms``, and take its first scan."""
         raise NotImplementedError
-
-    def _scan(self, rooms: Indices) -> None:
-        """Take the first scan in each of ``rooms``, if that is not part of how they begin."""
 
     def _seen(self) -> Any:
         """Return the observations of all rooms, as fresh arrays."""
@@ -98,11 +92,9 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
             info = self._info(ended, commands.copy(), collided, success)
             final = {"final_obs": last, "final_info": info}
             final |= {f"_{key}": ended.copy() for key in final}
-            rooms = np.flatnonzero(ended)
-            self._begin(rooms)
-            self._scan(rooms)
+            self._begin(np.flatnonzero(ended))
             commands[ended], collided[ended], success[ended] = 0.0, False, False
-        return final | self._info(self._all, commands, collided, success)
+        return final | self._info(np.ones_like(collided), commands, collided, success)
 
     def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero if not ``among``."""
@@ -111,14 +103,14 @@ class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
             "collided": collided.astype(np.float64),
             "is_success": success.astype(np.float64),
         }
-        if among is not self._all:
+        if not among.all():
             for values in info.values():
                 values[~among] = 0
         info.update({f"_{key}": among.copy() for key in info})
         return info
 
     def _check_begun(self, wish: str) -> None:
-        if not self._all_begun:
+        if not self._begun.all():
             raise NoEpisodeError(
                 f"the episode in room {self._begun.argmin()} has not begun: call reset() before "
                 f"{wish}()."
@@ -198,7 +190,7 @@ class RoomVectorEnv(ManyEpisodes):
             self._begin(again)
             commands[again] = 0.0
         rewards, collided, terminated, truncated = self._rooms.move(commands, resting)
-        self._rooms.observe(np.arange(self.num_envs))
+        self._rooms.observe(np.flatnonzero(~resting))
         self._ended = terminated | truncated
         info = self._info_of_step(commands, collided, terminated.copy())
         return self._seen(), rewards, terminated, truncated, info
@@ -222,8 +214,6 @@ class RoomVectorEnv(ManyEpisodes):
         self._rooms.begin(rooms, episodes)
         for room, episode in zip(numbers, episodes, strict=True):
             self._episodes[room] = episode
-
-    def _scan(self, rooms: Indices) -> None:
         self._rooms.observe(rooms)
 
     def _next_episode(self, room: int, seed: int | None) -> tuple[int, int]:
@@ -241,7 +231,7 @@ class RoomVectorEnv(ManyEpisodes):
             return rooms.scans.copy()
         courses = rooms.courses
         goals = None if rules.journeys is None else courses.goals
-        shares = rooms.progress / courses.lengths, rooms.steps / courses.limits
+        shares = rooms.progress / rooms.lengths, rooms.steps / courses.limits
         return rules.seen(rooms.scans, rooms.plans()[0], *shares, goals, rooms.poses)
 
     def _state_info(self) -> Info:

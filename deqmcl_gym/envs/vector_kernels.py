@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.maps.grid_kernels import cast_cells, distances, enters_circle, first_contact
+from deqmcl_gym.maps.grid_kernels import distances, enters_circle, first_contact
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.world.path_kernels import drive_along, judged_step, noisy_drive, steer
+from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
 
 
 class Robots(NamedTuple):
@@ -29,11 +29,8 @@ class CellRows(NamedTuple):
     reach: Any  # as of ``GridMap.cells``, flat, (s, c)
     up: Any
     down: Any
-    sight: Any  # the reach for beams, flat, (s, c)
     shapes: Indices  # rows and columns, (s, 2)
     frames: Floats  # of the maps, (s, 5)
-    yaws: Floats  # of the maps, (s,)
-    endless: Bools  # whether beams go on beyond the map's edge, (s,)
 
 
 class Courses(NamedTuple):
@@ -42,9 +39,7 @@ class Courses(NamedTuple):
     edges: Floats  # as in ``deqmcl_gym.world.path_kernels``, padded, (n, k, 6)
     counts: Indices  # number of edges, (n,)
     periods: Floats  # length of a closed path, ∞ of an open one, (n,)
-    lengths: Floats  # as ``Path.length`` adds them up, (n,)
     goals: Floats  # the last corner (x, y), (n, 2)
-    ends: Floats  # progress at which a driver is done, ∞ on a route, (n,)
     limits: Indices  # number of steps after which the plan ends, (n,)
 
 
@@ -63,16 +58,15 @@ def step_rooms(
     """Turn and drive the robots that are not ``resting``, (n,).
 
     Tuples are plain ones: numba takes them faster. Rules are the noise (σ_dd, σ_φφ, σ_φd), the
-    rewards of ``judged_step``, the distance from the end of a route at which the task is done (-1:
-    never) and the most steps of an episode. Commands are (distance, turn), (n, 2), normals N(0, 1)
-    for both, (n, rows, 2), of which each robot uses row ``at``, (n,); advanced by one. Filled in
-    are rewards, whether a wall stopped the robot, whether the task is done, and whether the limit
-    or the plan's end came before, (n,) each.
+    rewards of ``judged_step`` and the most steps of an episode. Commands are (distance, turn), (n,
+    2), normals N(0, 1) for both, (n, rows, 2), of which each robot uses row ``at``, (n,); advanced
+    by one. Filled in are rewards, whether a wall stopped the robot, whether the task is done, and
+    whether the limit or the plan's end came before, (n,) each.
     """
     poses, gaps, arcs, progress, steps = robots
     slots, sizes, walls, counts, cells = grounds
-    edges, edge_counts, periods, _, goals, _, limits = courses
-    noise, rewards, near, limit = rules
+    edges, edge_counts, periods, goals, limits = courses
+    noise, rewards, limit = rules
     all_rewards, all_collided, terminated, truncated = moved
     # Numbers of each robot, not the tuples: passing a tuple on counts a reference to each of its
     # arrays, which took four fifths of a step when it was done for every robot.
@@ -103,93 +97,13 @@ def step_rooms(
         poses[i, 0], poses[i, 1], poses[i, 2] = x, y, heading
         path = edges[i, : edge_counts[i]]
         arcs[i], gained, reward, done = judged_step(
-            drive, arcs[i], progress[i], collided, path, periods[i], rewards
-        )
+            drive, arcs[i], progress[i], collided, path, periods[i], (goals[i, 0], goals[i, 1]),
+            rewards,
+        )  # fmt: skip
         progress[i] += gained
-        off_x, off_y = x - goals[i, 0], y - goals[i, 1]
-        if np.sqrt(off_x * off_x + off_y * off_y) <= near:
-            reward, done = reward + rewards[1], True
         all_rewards[i], all_collided[i], terminated[i] = reward, collided, done
         given_up = steps[i] >= limits[i] and not done
         truncated[i] = given_up or steps[i] >= limit
-
-
-@compiled
-def plan_rooms(
-    robots: tuple[Any, ...],
-    grounds: tuple[Any, ...],
-    courses: tuple[Any, ...],
-    driver: tuple[Any, ...],
-    rooms: Indices,
-    shown: Singles,
-    counts: Indices,
-) -> None:
-    """Fill in what the drivers of ``rooms`` (k,) would do, as ``driver.GuidedPlan.after``.
-
-    A driver is the first four rules of ``drive_along``, the distance from the path's end at which
-    it is done, and the most room that it keeps to walls on a route among cells (-1: it does not
-    look at them). ``shown`` are the next h actions, zero-padded, (n, h, 2), ``counts`` how many,
-    (n,).
-    """
-    poses, _, arcs, progress, steps = robots
-    slots, sizes, _, _, cells = grounds
-    edges, edge_counts, periods, lengths, goals, ends, limits = courses
-    (look_ahead, on_the_spot, step, turn), near, clearance = driver
-    horizon = shown.shape[1]
-    for i in rooms:
-        left = limits[i] - steps[i]
-        pose = poses[i, 0], poses[i, 1], poses[i, 2]
-        rules = look_ahead, on_the_spot, step, turn, ends[i], near
-        path = edges[i, : edge_counts[i]]
-        actions = np.empty((left if clearance >= 0.0 else min(left, horizon), 2), np.float32)
-        if clearance < 0.0:
-            count = drive_along(pose, arcs[i], progress[i], path, periods[i], rules, actions)
-        else:
-            grid, goal = _grid(cells, slots[i]), (goals[i, 0], goals[i, 1])
-            way, length, size = progress[i], lengths[i], sizes[slots[i], 0]
-            count = steer(
-                pose, arcs[i], way, path, length, goal, rules, grid, size, clearance, actions
-            )
-        count = min(count, horizon)
-        shown[i, :count], shown[i, count:] = actions[:count], 0.0
-        counts[i] = count
-
-
-@compiled
-def cast_in_rooms(
-    cells: tuple[Any, ...], rooms: Indices, poses: Singles, bearings: Singles, out: Singles
-) -> None:
-    """Fill in the ranges (B, k) from a pose in each of ``rooms`` (k,), each a map of ``cells``."""
-    _, _, _, sight, shapes, frames, yaws, endless = cells
-    pose, seen = np.empty((3, 1), poses.dtype), np.empty((bearings.size, 1), np.float32)
-    for k in range(rooms.size):
-        slot = rooms[k]
-        rows, columns = shapes[slot]
-        reach = sight[slot, : rows * columns].reshape(rows, columns)
-        pose[0, 0], pose[1, 0], pose[2, 0] = poses[0, k], poses[1, k], poses[2, k]
-        frame = _frame(frames, slot)
-        cast_cells(pose, bearings, reach, frame, yaws[slot], endless[slot], seen)
-        out[:, k] = seen[:, 0]
-
-
-@compiled
-def _grid(cells: Any, slot: int) -> Any:
-    """Return ``GridMap.cells`` of one of the maps."""
-    reach, up, down, _, shapes, frames, _, _ = cells
-    rows, columns = shapes[slot]
-    size = rows * columns
-    return (
-        reach[slot, :size].reshape(rows, columns),
-        up[slot, :size].reshape(rows, columns),
-        down[slot, :size].reshape(rows, columns),
-        _frame(frames, slot),
-    )
-
-
-@compiled
-def _frame(frames: Floats, slot: int) -> tuple[float, float, float, float, float]:
-    row = frames[slot]
-    return row[0], row[1], row[2], row[3], row[4]
 
 
 @compiled
@@ -206,12 +120,19 @@ def _ahead(
     skin: float,
 ) -> tuple[float, float]:
     """Return the gap of a robot to the nearest wall, and the share of a drive to its contact."""
-    if cells[0].shape[1] == 0:
+    reaches, ups, downs, shapes, frames = cells
+    if reaches.shape[1] == 0:
         gap = _gap_to_walls(x, y, walls) - radius
         if gap > way + skin:
             return gap, np.inf
         return gap, 0.0 if gap < 0.0 else _contact_with_walls(x, y, dx, dy, walls, radius)
-    reach, up, down, frame = _grid(cells, slot)
+    rows, columns = shapes[slot]
+    size = rows * columns
+    reach = reaches[slot, :size].reshape(rows, columns)
+    up = ups[slot, :size].reshape(rows, columns)
+    down = downs[slot, :size].reshape(rows, columns)
+    x0, y0, cosine, sine, cell = frames[slot]
+    frame = x0, y0, cosine, sine, cell
     point, nearest = np.array(((x,), (y,))), np.empty(1, np.float32)
     distances(point, reach, up, down, frame, nearest)
     gap = np.float64(nearest[0]) - radius
@@ -256,26 +177,3 @@ def _contact_with_walls(
         # the corner at its start
         first = min(first, enters_circle(px, py, dx, dy, radius))
     return first
-
-
-@compiled
-def report(
-    rooms: Indices,
-    exact: Singles,
-    normals: Floats,
-    at: Indices,
-    sigma: float,
-    max_range: float,
-    out: Singles,
-) -> None:
-    """Fill in scans as ``LidarSensor`` reports them, (n, B), of ``rooms`` (k,).
-
-    ``exact`` is (B, k). Each uses the next row of its normal numbers, (n, rows, B).
-    """
-    for i in range(rooms.size):
-        room = rooms[i]
-        row = at[room]
-        at[room] = row + 1
-        for beam in range(out.shape[1]):
-            seen = exact[beam, i] + sigma * normals[room, row, beam]
-            out[room, beam] = min(max(seen, 0.0), max_range)

@@ -1,7 +1,5 @@
 """Rooms: the episodes and maps of many rooms as flat arrays, moved and planned for in kernels."""
 
-import math
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,8 +10,8 @@ from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.world import Stream, World, episode_stream
 from deqmcl_gym.world.course import MAX_STEPS
-from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Underway
-from deqmcl_gym.world.episode import Beginning
+from deqmcl_gym.world.driver import FixedPlan, Underway
+from deqmcl_gym.world.episode import Beginning, report
 from deqmcl_gym.world.rules import RoomRules
 
 
@@ -31,22 +29,18 @@ class Rooms:
         self.buildings = np.zeros(number, np.int64)
         self.poses, self.steps = np.zeros((number, 3)), np.zeros(number, np.intp)
         gaps, arcs, self.progress = np.zeros((3, number))
+        self.lengths = np.ones(number)  # of the paths
         self._robots = kernels.Robots(self.poses, gaps, arcs, self.progress, self.steps)
         self.courses = kernels.Courses(
             edges=np.zeros((number, 0, 6)),
             counts=np.zeros(number, np.intp),
             periods=np.full(number, np.inf),
-            lengths=np.ones(number),
             goals=np.zeros((number, 2)),
-            ends=np.full(number, np.inf),
             limits=np.ones(number, np.intp),
         )
-        route = world.route if rules.ends_at_goal else None
-        near = -1.0 if route is None else route.tolerance
-        self._numbers = world.noise.sds, rules.rewards, near, limit
+        self._numbers = world.noise.sds, rules.rewards, limit
         self.scans = np.zeros((number, world.lidar.beams), np.float32)
         self._lap = None if world.route is not None else rules.plan
-        self._driver = _driver(rules)
         self._shown = np.zeros((number, rules.rows, 2), np.float32)
         self._counts = np.zeros(number, np.intp)
 
@@ -83,9 +77,8 @@ class Rooms:
             wider = wide(self.courses.edges, len(edges))
             self.courses = courses = self.courses._replace(edges=wider)
             courses.edges[room, : len(edges)], courses.counts[room] = edges, len(edges)
-            courses.periods[room], courses.lengths[room] = path.period, path.length
+            courses.periods[room], self.lengths[room] = path.period, path.length
             courses.goals[room], courses.limits[room] = path.corners[-1], plan.limit
-            courses.ends[room] = plan.rules[4] if isinstance(plan, GuidedPlan) else math.inf
             self.poses[room], self._robots.arcs[room] = begun.start, begun.arc
             self._robots.gaps[room] = self.progress[room] = 0.0
             self.steps[room] = 0
@@ -118,17 +111,11 @@ class Rooms:
         lidar.cast(self._grounds.caster(rooms), poses, exact)
         noise.fill()
         limits = lidar.sigma, lidar.max_range
-        kernels.report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
+        report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
         lidar.lose(self.scans)
 
     def _plan(self, rooms: Indices) -> None:
         """Note what is planned in each of ``rooms``."""
-        if self._driver is not None:
-            kernels.plan_rooms(
-                tuple(self._robots), self._grounds.kernel, tuple(self.courses), self._driver,
-                rooms, self._shown, self._counts,
-            )  # fmt: skip
-            return
         for room in rooms.tolist():
             x, y, heading = self.poses[room].tolist()
             way, arc = float(self.progress[room]), float(self._robots.arcs[room])
@@ -150,17 +137,6 @@ def _steps(rules: RoomRules) -> int:
     return int(min(2 * route.max_length / lap.step + 1, MAX_STEPS))
 
 
-def _driver(rules: RoomRules) -> tuple[object, ...] | None:
-    """Return the driver of ``plan_rooms``, if there is one and it has what he looks at."""
-    world = rules.world
-    driver, lap, route = world.driver, world.lap, world.route
-    if driver is None or (route is not None and not isinstance(world.floor_plan, GridMap)):
-        return None
-    steering = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn
-    near, clearance = (-1.0, -1.0) if route is None else (route.tolerance, route.clearance)
-    return steering, near, clearance
-
-
 class NormalTable:
     """Normal numbers for many rooms, each from its own stream, drawn many rows at a time.
 
@@ -172,7 +148,6 @@ class NormalTable:
         """Prepare rows (width,) for each room, of which an episode uses about ``lap``."""
         self.drawn = np.empty((rooms, self.rows(width, lap), width))
         self.at = np.zeros(rooms, np.intp)
-        self._sure = 0  # calls of fill() for which every room has rows left
         self._rngs: dict[int, np.random.Generator] = {}
 
     @staticmethod
@@ -185,17 +160,12 @@ class NormalTable:
         """Draw the numbers of a room from another stream from now on."""
         self._rngs[room] = rng
         self.at[room] = self.drawn.shape[1]
-        self._sure = 0
 
     def fill(self) -> None:
         """Draw new rows for rooms without any left; a room uses one row between two calls."""
-        if self._sure == 0:
-            rows = self.drawn.shape[1]
-            for room in (self.at == rows).nonzero()[0].tolist():
-                self._rngs[room].standard_normal(out=self.drawn[room])
-                self.at[room] = 0
-            self._sure = rows - int(self.at.max())
-        self._sure -= 1
+        for room in (self.at == self.drawn.shape[1]).nonzero()[0].tolist():
+            self._rngs[room].standard_normal(out=self.drawn[room])
+            self.at[room] = 0
 
 
 class Grounds:
@@ -215,11 +185,8 @@ class Grounds:
             reach=np.empty((slots, 0), np.uint8),
             up=np.empty((slots, 0), np.int16),
             down=np.empty((slots, 0), np.int16),
-            sight=np.empty((slots, 0), np.uint8),
             shapes=np.zeros((slots, 2), np.intp),
             frames=np.ones((slots, 5)),
-            yaws=np.zeros(slots),
-            endless=np.zeros(slots, np.bool_),
         )
         for room in range(slots):
             self._fill(room, world)
@@ -240,9 +207,15 @@ class Grounds:
         """Return a caster for one pose in each of ``rooms`` (k,), in this order."""
         if not self._separate:
             return self.maps[0].cast
-        if isinstance(self.maps[0], GridMap):
-            return partial(kernels.cast_in_rooms, tuple(self._cells), rooms)
-        return partial(_cast_in_each, [self.maps[room].cast for room in rooms.tolist()])
+        maps = [self.maps[room] for room in rooms.tolist()]
+
+        def cast(poses: Singles, bearings: Singles, out: Singles) -> None:
+            single = np.empty((bearings.size, 1), np.float32)
+            for i, floor_plan in enumerate(maps):
+                floor_plan.cast(np.ascontiguousarray(poses[:, i : i + 1]), bearings, single)
+                out[:, i : i + 1] = single
+
+        return cast
 
     def _fill(self, slot: int, world: World) -> None:
         ground = world.floor_plan
@@ -254,14 +227,12 @@ class Grounds:
             self._walls, self._counts[slot] = wide(self._walls, count), count
             self._walls[slot, :count] = np.hstack([walls[:, :2], along / length, length])
             return
-        (reach, up, down, frame), (sight, endless) = ground.cells, ground.sight
-        for name, table in {"reach": reach, "up": up, "down": down, "sight": sight}.items():
+        reach, up, down, frame = ground.cells
+        for name, table in {"reach": reach, "up": up, "down": down}.items():
             rows = wide(getattr(self._cells, name), table.size)
             rows[slot, : table.size] = table.reshape(-1)
             self._cells = self._cells._replace(**{name: rows})
-        cells = self._cells
-        cells.shapes[slot], cells.frames[slot] = reach.shape, frame
-        cells.yaws[slot], cells.endless[slot] = ground.origin[2], endless
+        self._cells.shapes[slot], self._cells.frames[slot] = reach.shape, frame
 
 
 def wide(values: Any, size: int) -> Any:
@@ -271,11 +242,3 @@ def wide(values: Any, size: int) -> Any:
     wider = np.zeros((len(values), size, *values.shape[2:]), values.dtype)
     wider[:, : values.shape[1]] = values
     return wider
-
-
-def _cast_in_each(casters: list[Caster], poses: Singles, bearings: Singles, out: Singles) -> None:
-    """Cast one pose on each of some maps."""
-    single = np.empty((bearings.size, 1), np.float32)
-    for i, caster in enumerate(casters):
-        caster(np.ascontiguousarray(poses[:, i : i + 1]), bearings, single)
-        out[:, i : i + 1] = single

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.files import MOST_OF_LOGS, numbers_of, opened, refusing, save, text_of
+from deqmcl_gym.files import MOST_OF_LOGS, columns_of, numbers_of, opened, refusing, save, text_of
 from deqmcl_gym.logs import carmen, ros
 from deqmcl_gym.logs.log import Log, Record, Scanner
 from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecord, RawRecords
@@ -50,16 +50,18 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
     text, unit, *_ = [*(line[1:].strip() for line in comments), None, None]
     header, *rows = lines[len(comments) :] or [""]
     columns = _cells(header)
-    first = _first_range(path, columns)
-    at = [columns.index(name) for name in _COLUMNS]
-    reference = [columns.index(name) for name in _REFERENCE if name in columns]
+    at = columns_of(path, columns, _COLUMNS, _REFERENCE)
+    beams = sum(name.startswith("range_") for name in columns)
+    first = len(columns) - beams
+    if beams == 0 or columns[first:] != [f"range_{beam}" for beam in range(beams)]:
+        raise InputError(f"{path} must end in the columns range_0, range_1, … in this order.")
     raw = RawRecords(str(path))
     for row in map(_cells, filter(str.strip, rows)):
         try:
             if len(row) != len(columns):
                 raise ValueError("another number of cells")
-            time, *odometry = numbers_of([row[index] for index in at])
-            cells = [row[index] for index in reference if row[index]]
+            time, *odometry = numbers_of([row[index] for index in at[: len(_COLUMNS)]])
+            cells = [row[index] for index in at[len(_COLUMNS) :] if row[index]]
             truth = numbers_of(cells) if len(cells) == len(_REFERENCE) else ()
             ranges = numbers_of(row[first:])
             raw.records.append(RawRecord(time, odometry, ranges, reference=truth))
@@ -134,26 +136,6 @@ def write_npz(log: Log, path: Path) -> None:
 def _cells(line: str) -> list[str]:
     """Split a line at its commas, also within quotes: a stray quote affects its line only."""
     return [cell.strip().strip('"') for cell in line.split(",")]
-
-
-def _first_range(path: Path, columns: list[str]) -> int:
-    for name in _COLUMNS:
-        if name not in columns:
-            raise InputError(
-                f"{path} lacks the column {name!r}: it has {', '.join(columns)[:200]}."
-            )
-    if len(set(columns)) < len(columns):
-        twice = next(name for name in columns if columns.count(name) > 1)
-        raise InputError(f"{path} has the column {twice!r} twice: keep one of them.")
-    if 0 < (count := sum(name in columns for name in _REFERENCE)) < len(_REFERENCE):
-        raise InputError(
-            f"{path} has {count} of the columns {', '.join(_REFERENCE)}: give all of them, or none."
-        )
-    beams = sum(name.startswith("range_") for name in columns)
-    first = len(columns) - beams
-    if beams == 0 or columns[first:] != [f"range_{beam}" for beam in range(beams)]:
-        raise InputError(f"{path} must end in the columns range_0, range_1, … in this order.")
-    return first
 
 
 def _log_of(records: RawRecords, text: str | None, unit: str | None, given: Scanner | None) -> Log:

@@ -16,18 +16,9 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.files import opened, refusing
+from deqmcl_gym.logs import transforms as tf
 from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.logs.odometry import JudgedOdometry
-from deqmcl_gym.logs.transforms import (
-    MAP_FRAME,
-    ODOMETRY,
-    POSE_TYPES,
-    Frames,
-    PoseRows,
-    Sent,
-    Transforms,
-    frame_name,
-)
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError, like, tell
 
@@ -49,10 +40,10 @@ class Bag:
         """The type of each topic."""
         return {c.topic: c.msgtype for reader in self.readers for c in reader.connections}
 
-    def messages(self, topics: set[str | None], kinds: Sequence[str] = ()) -> Iterator[Sent]:
+    def messages(self, topics: set[str | None], kinds: Sequence[str] = ()) -> Iterator[tf.Sent]:
         """Yield the messages of some topics, and of some types."""
 
-        def received(reader: Any) -> Iterator[Sent]:
+        def received(reader: Any) -> Iterator[tf.Sent]:
             chosen = [c for c in reader.connections if c.topic in topics or c.msgtype in kinds]
             publishers: dict[str, list[int]] = {}  # of each topic
             messages = reader.messages(connections=chosen) if chosen else ()  # [] would mean all
@@ -62,7 +53,7 @@ class Bag:
                 if connection.id not in ids:
                     ids.append(connection.id)
                 decoded = partial(reader.deserialize, raw, kind)
-                yield Sent(0, moment / 1e9, ids.index(connection.id), topic, kind, decoded)
+                yield tf.Sent(0, moment / 1e9, ids.index(connection.id), topic, kind, decoded)
 
         parts = map(received, self.readers)
         for number, sent in enumerate(heapq.merge(*parts, key=lambda message: message.received)):
@@ -153,17 +144,17 @@ def _reader(path: Path) -> Any:
 
 def warn_of_frames(name: str, topic: str | None, frames: set[str]) -> None:
     """Warn of poses that are not in the map's frame, as the headers of their messages say."""
-    if other := sorted(frames - {"", MAP_FRAME}):
+    if other := sorted(frames - {"", tf.MAP_FRAME}):
         tell(
             f"the poses of {topic} in {name} are in frame {' and '.join(other)}, but are taken as "
-            f"poses in {MAP_FRAME}: what lies between the frames, such as the drift of odometry, "
-            f"counts as error, so give a topic of poses in {MAP_FRAME}."
+            f"poses in {tf.MAP_FRAME}: what lies between the frames, such as the drift of "
+            f"odometry, counts as error, so give a topic of poses in {tf.MAP_FRAME}."
         )
 
 
 def poses_of_topic(path: Path, topic: str | None) -> tuple[Floats, Floats | None]:
     """Return rows t, x, y, θ that a stack has published in a bag, and covariances if any."""
-    poses, spreads = PoseRows(), list[Any]()
+    poses, spreads = tf.PoseRows(), list[Any]()
     with opened_bag([path]) as bag:
         chosen = _chosen(bag, topic)
         if bag.topics[chosen] in TRANSFORMS:
@@ -181,11 +172,11 @@ def poses_of_topic(path: Path, topic: str | None) -> tuple[Floats, Floats | None
 
 def _chosen(bag: Bag, asked: str | None) -> str:
     """Return the topic of poses asked for, or the one that a stack's pose is on."""
-    kinds = [*POSE_TYPES, *TRANSFORMS]
+    kinds = [*tf.POSE_TYPES, *TRANSFORMS]
     if asked is None:
         if _ESTIMATE in bag.topics:
             return _ESTIMATE
-        estimates = [kind for kind in POSE_TYPES if kind != ODOMETRY]
+        estimates = [kind for kind in tf.POSE_TYPES if kind != tf.ODOMETRY]
         if any(kind in estimates for kind in bag.topics.values()):
             kinds = estimates
         else:
@@ -197,9 +188,9 @@ def _chosen(bag: Bag, asked: str | None) -> str:
     return chosen
 
 
-def _frames_of(bag: Bag, topic: str) -> Frames:
+def _frames_of(bag: Bag, topic: str) -> tf.Frames:
     """Return the frames of the robot that a topic is of."""
-    transforms = Transforms()
+    transforms = tf.Transforms()
     for sent in bag.messages(set(), TRANSFORMS):
         transforms.add(sent, sent.decoded())
     return transforms.of(topic)
@@ -210,17 +201,17 @@ def _composed(bag: Bag, topic: str) -> Floats:
     frames = _frames_of(bag, topic)
     if len(frames.in_map) != 1:
         raise InputError(
-            f"{bag.name}:{topic} has transforms from {MAP_FRAME} to {len(frames.in_map)} frames, "
-            "but must have one, as odom: give a topic of poses."
+            f"{bag.name}:{topic} has transforms from {tf.MAP_FRAME} to {len(frames.in_map)} "
+            "frames, but must have one, as odom: give a topic of poses."
         )
     ((child, rows),) = frames.in_map.items()
-    origins, odometry = rows.poses, PoseRows()
+    origins, odometry = rows.poses, tf.PoseRows()
     if any(parent == child for parent, _ in frames.moving):
         _, odometry = frames.odometry(bag.name, None, child, "")
-    elif ODOMETRY in bag.topics.values():
-        for sent in bag.messages({bag.topic((ODOMETRY,), "odometry_topic", None, beside=topic)}):
+    elif tf.ODOMETRY in bag.topics.values():
+        for sent in bag.messages({bag.topic((tf.ODOMETRY,), "odometry_topic", None, beside=topic)}):
             message = sent.decoded()
-            if frame_name(message.header.frame_id) in (child, ""):
+            if tf.frame_name(message.header.frame_id) in (child, ""):
                 odometry.add(sent, message)
     if not odometry.rows:
         return origins  # the robot itself

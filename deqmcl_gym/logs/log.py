@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.logs.motion import dead_reckoned, has_moved, increments_of, lengths_of, sideways_of
 from deqmcl_gym.logs.scans import mark_unmeasured
 from deqmcl_gym.maps import Lidar
-from deqmcl_gym.maps.map import LENGTH, PIXELS
+from deqmcl_gym.maps.map import LENGTH, PIXELS, bounded
 from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, Singles, arrays
 from deqmcl_gym.validation import InputError, array, integer, number, one_of, real
 
@@ -33,8 +33,8 @@ class Scanner(Lidar):
 
     beams: int = field(init=False)
     field_of_view: float = field(init=False)
-    max_range: float = field(metadata=LENGTH)
-    sigma: float = field(default=0.0, metadata=LENGTH)
+    max_range: float = bounded(kind=LENGTH, low=0, above=True)
+    sigma: float = bounded(0.0, LENGTH, low=0)
     angles: tuple[float, ...] = field(repr=False)  #: against the robot's heading, (beams,) rad
     turn: float = 0.0  #: of the mounting, rad
 

@@ -7,8 +7,7 @@ fed with the messages of a log has the odometry of its replay.
 import bisect
 import enum
 import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -168,7 +167,7 @@ class JudgedOdometry:
     begins: Sequence[float]  # number of the message with which each stretch begins
     shifts: Sequence[float]  # what is added to stamps in each stretch, s
     stretches: Sequence[Stretch]
-    counts: Mapping[Taken, int]  # of what became of the messages
+    lost: int  # number of messages that are left out
     jumps: int  # number of steps that were jumps
 
     @classmethod
@@ -181,20 +180,20 @@ class JudgedOdometry:
         odometry, rows = Odometry(unit), rows.copy()
         rows[_far_ahead(rows[:, 0]), 0] = math.nan
         stretches, begins, shifts = [odometry.stretch], [-math.inf], [0.0]
-        counts: Counter[Taken] = Counter()
+        lost = 0
         for at, (time, *raw) in enumerate(rows.tolist()):
             before = odometry.stretch
             taken = odometry.take(time, (raw[0], raw[1], raw[2]))
-            counts[taken] += 1
+            lost += taken in (Taken.LATE, Taken.UNUSABLE)
             if taken is Taken.RESET:
-                counts[Taken.LATE] -= 1  # the one before: it is used after all
+                lost -= 1  # the one before: it is used after all
                 elapsed = float(received[at - 1] - received[at - 2])
                 if not 0 < elapsed < _PAUSE:
                     elapsed = usual_period(before.times)
                 shifts.append(shifts[-1] + before.times[-1] + elapsed - odometry.stretch.times[0])
                 begins.append(float(numbers[at - 1]))
                 stretches.append(odometry.stretch)
-        return cls(begins, shifts, stretches, counts, odometry.jumps)
+        return cls(begins, shifts, stretches, lost, odometry.jumps)
 
     def at(self, number: float, time: float) -> tuple[float, Pose] | None:
         """Return the time, shifted, and the pose of a message of this number and stamp, or None."""
@@ -212,20 +211,19 @@ class JudgedOdometry:
     @property
     def remarks(self) -> list[str]:
         """What users are told about it."""
-        remarks = remarks_of(len(self.stretches) - 1, self.jumps)
-        if lost := sum(self.counts.get(taken, 0) for taken in (Taken.LATE, Taken.UNUSABLE)):
-            remarks.append(f"{lost:,} odometry messages are left out: late, doubled or not finite")
-        return remarks
+        return remarks_of(len(self.stretches) - 1, self.jumps, self.lost)
 
 
-def remarks_of(resets: int, jumps: int) -> list[str]:
-    """Return what is to be told of a clock that was set back, and of odometry that jumps."""
+def remarks_of(resets: int, jumps: int, lost: int = 0) -> list[str]:
+    """Return what is to be told of clocks set back, of odometry that jumps, of lost messages."""
     remarks = []
     if resets:
         remarks.append(f"the clock was set back, {times_words(resets)}: later times are shifted")
     if jumps:
         fast = f"the odometry jumps farther than a robot drives, {times_words(jumps)}"
         remarks.append(f"{fast}: taken as no motion")
+    if lost:
+        remarks.append(f"{lost:,} odometry messages are left out: late, doubled or not finite")
     return remarks
 
 

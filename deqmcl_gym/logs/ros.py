@@ -12,23 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from deqmcl_gym.logs import transforms as tf
 from deqmcl_gym.logs.bags import SCAN, TRANSFORMS, Bag, opened_bag, warn_of_frames
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
 from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecord, RawRecords, paired_scans, stamped
 from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
-from deqmcl_gym.logs.transforms import (
-    MAP_FRAME,
-    ODOMETRY,
-    POSE_TYPES,
-    PoseRows,
-    Sent,
-    Transforms,
-    frame_name,
-    only_frame,
-    seconds_of,
-)
 from deqmcl_gym.validation import InputError, integer, like, number, one_of, shown, tell
 
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
@@ -66,12 +56,12 @@ def read_bag(
     with opened_bag(paths) as bag:
         scans = [topic for name in asked if (topic := bag.topic((SCAN,), "scan_topic", name))]
         odometry = bag.topic(
-            (ODOMETRY,), "odometry_topic", odometry_topic, beside=scans[0], needed=False
+            (tf.ODOMETRY,), "odometry_topic", odometry_topic, beside=scans[0], needed=False
         )
         if reference_topic is None and REFERENCE_TOPIC in bag.topics:
             reference_topic = REFERENCE_TOPIC
         if reference_topic is not None:
-            bag.topic(tuple(POSE_TYPES), "reference_topic", reference_topic)  # or it is refused
+            bag.topic(tuple(tf.POSE_TYPES), "reference_topic", reference_topic)  # or it is refused
         of_topic = odometry if odometry_frame is None else None
         names = {topic: bag.name if len(scans) == 1 else f"{bag.name} {topic}" for topic in scans}
         scanned = {topic: RawRecords(name) for topic, name in names.items()}
@@ -105,9 +95,9 @@ class _Messages:
     scanned: dict[str, RawRecords]  # by topic
     odometry: str | None  # topics
     reference: str | None
-    moved: dict[str, PoseRows] = field(default_factory=dict)  # by frame
-    truth: PoseRows = field(default_factory=PoseRows)
-    transforms: Transforms = field(default_factory=Transforms)
+    moved: dict[str, tf.PoseRows] = field(default_factory=dict)  # by frame
+    truth: tf.PoseRows = field(default_factory=tf.PoseRows)
+    transforms: tf.Transforms = field(default_factory=tf.Transforms)
     unit: str = "m"
     mended: int = 0  # scans whose increment is of no use
 
@@ -134,24 +124,25 @@ class _Messages:
                 "angle_max: it is taken from angle_max"
             )
 
-    def _take(self, sent: Sent, message: Any) -> None:
+    def _take(self, sent: tf.Sent, message: Any) -> None:
         if sent.kind in TRANSFORMS:
             self.transforms.add(sent, message)
         elif sent.topic == UNIT_TOPIC:
             self.unit = message.data
         elif (scans := self.scanned.get(sent.topic)) is not None:
             least, most = float(message.range_min), float(message.range_max)
-            limits = (0.0 if math.isnan(limit) else limit for limit in (least, most))
+            limits = least if least > 0 else 0.0, 0.0 if math.isnan(most) else most
             fan = Fan(float(message.angle_min), self._increment(message), *limits)
-            stamp, frame = seconds_of(message.header.stamp), frame_name(message.header.frame_id)
+            header = message.header
+            stamp, frame = tf.seconds_of(header.stamp), tf.frame_name(header.frame_id)
             record = RawRecord(stamp, (0, 0, 0), message.ranges, fan, frame, number=sent.number)
             scans.records.append(record)
         else:
             if sent.topic == self.reference:
                 self.truth.add(sent, message)
             if sent.topic == self.odometry:  # it may be both
-                child = frame_name(message.child_frame_id)
-                self.moved.setdefault(child, PoseRows()).add(sent, message)
+                child = tf.frame_name(message.child_frame_id)
+                self.moved.setdefault(child, tf.PoseRows()).add(sent, message)
 
     def _increment(self, message: Any) -> float:
         """Return the increment of a scan's angles; by the last angle, if it is 0 or negated."""
@@ -203,13 +194,13 @@ class _Messages:
         """Return the robot's frame and odometry, judged: of the topic, or else of transforms."""
         (topic, scans), *_ = self.scanned.items()
         frames = self.transforms.of(topic)
-        asked = None if base_frame is None else frame_name(base_frame)
+        asked = None if base_frame is None else tf.frame_name(base_frame)
         scan_frame = scans.records[0].frame if scans.records else ""
         flaw = None
         if self.moved:
             named = next(iter(self.moved))  # which may be wrong or missing
             if len(self.moved) > 1:
-                named = asked or only_frame(self.moved, f"{self.odometry} in {self.name}")
+                named = asked or tf.only_frame(self.moved, f"{self.odometry} in {self.name}")
                 one_of("base_frame", named, self.moved)
             rows, base = self.moved[named], asked or named or _ROBOT
             flaw = _flaw(rows, str(self.odometry), scans.times)
@@ -236,9 +227,9 @@ class _Messages:
     def _tell(self, remark: str) -> None:
         tell(f"{self.name}: {remark}.")
 
-    def _doubt(self, moved: PoseRows) -> str | None:
+    def _doubt(self, moved: tf.PoseRows) -> str | None:
         """Say why poses on a topic of odometry may be none; None if they look like it."""
-        if frames := sorted(moved.frames & {MAP_FRAME, "world"}):
+        if frames := sorted(moved.frames & {tf.MAP_FRAME, "world"}):
             whose = "as an estimate or the truth"
             return f"the poses of {self.odometry} are in frame {frames[0]}, {whose}"
         rows = moved.poses[np.isfinite(moved.poses).all(axis=1)]
@@ -251,7 +242,7 @@ class _Messages:
             return f"the positions of {self.odometry} are all the same"
         return None
 
-    def _judged(self, moved: PoseRows, where: str, publisher: int | None) -> JudgedOdometry:
+    def _judged(self, moved: tf.PoseRows, where: str, publisher: int | None) -> JudgedOdometry:
         """Return odometry, judged, of one publisher; tell what is not as usual."""
         table, rows = moved.table, stamped(moved.poses)
         finite = np.flatnonzero(np.isfinite(rows).all(axis=1))
@@ -273,7 +264,7 @@ class _Messages:
         return judged
 
 
-def _flaw(moved: PoseRows, where: str, scanned: Sequence[float]) -> str | None:
+def _flaw(moved: tf.PoseRows, where: str, scanned: Sequence[float]) -> str | None:
     """Say why odometry is of no use; None if it is."""
     table = moved.table
     times = table[:, 3]

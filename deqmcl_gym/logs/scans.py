@@ -30,13 +30,8 @@ class Fan(NamedTuple):
 
     start: float  # the first angle, rad
     step: float
-    min_range: float  # as of ``Scanner``
+    min_range: float  # as of ``Scanner``; 0 if none is said
     max_range: float
-
-    @property
-    def nearest(self) -> float:
-        """The smallest range, 0 if none is said."""
-        return self.min_range if self.min_range > 0 else 0.0
 
     @property
     def limited(self) -> bool:
@@ -71,7 +66,7 @@ def usual_fan(sizes: Sequence[int], fans: Sequence[Fan]) -> tuple[int, Fan]:
         wider = abs(step) * (beams + 1) < abs(middle[2]) * middle[0]
         if 2 * often < len(sizes) or wider:  # no two need be alike
             beams, start, step = middle
-    nearest = min(fan.nearest for fan in fans)
+    nearest = min(fan.min_range for fan in fans)
     farthest = max((fan.max_range for fan in fans if fan.limited), default=-math.inf)
     return beams, Fan(start, step, nearest, farthest)
 
@@ -94,7 +89,7 @@ def at_usual_bearings(
     for (size, fan), rows in alike.items():
         with np.errstate(over="ignore", invalid="ignore"):
             block = np.array([scans[row] for row in rows], np.float32).reshape(len(rows), size)
-        mark_unmeasured(block, fan.nearest, fan.max_range if fan.limited else max_range)
+        mark_unmeasured(block, fan.min_range, fan.max_range if fan.limited else max_range)
         if size != beams or fan[:2] != usual[:2]:
             others += len(rows)
             if not size:

@@ -14,7 +14,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.files import numbers_of, save, text_of
+from deqmcl_gym.files import columns_of, numbers_of, save, text_of
 from deqmcl_gym.logs import raw_records
 from deqmcl_gym.logs.bags import poses_of_topic
 from deqmcl_gym.logs.log import Log, ascending_times, said_of_skipped
@@ -203,14 +203,7 @@ def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
     """Return rows t, x, y, θ and covariances; None without these columns."""
     header, *lines = text_of(path).splitlines() or [""]
     columns = [cell.strip() for cell in header.split(",")]
-    spread = [name for name in UPPER if name in columns]
-    for name in (*COLUMNS, *(UPPER if spread else ())):
-        if columns.count(name) != 1:
-            raise InputError(
-                f"{path} has the column {name!r} {columns.count(name)} times, but a CSV of "
-                f"estimates has {','.join(COLUMNS)} and all or none of {','.join(UPPER)} once."
-            )
-    at = [columns.index(name) for name in (*COLUMNS, *spread)]
+    at = columns_of(path, columns, COLUMNS, UPPER)
     rows: list[list[float]] = []
     for row, line in enumerate(lines, 2):
         if not line.strip():
@@ -223,7 +216,7 @@ def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
                 f"line {row} of {path} must have {len(columns)} numbers or empty cells."
             ) from None
     table = np.array(rows).reshape(-1, len(at))
-    return table[:, :4], table[:, 4:][:, _AT].reshape(-1, 3, 3) if spread else None
+    return table[:, :4], table[:, 4:][:, _AT].reshape(-1, 3, 3) if len(at) > 4 else None
 
 
 def tolerance_of(log: Log, tolerance: float | None = None) -> float:

@@ -10,19 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps.drive_kernels import directed, put
-from deqmcl_gym.maps.map import LENGTH, Caster, Map
+from deqmcl_gym.maps.map import LENGTH, Caster, Map, Part, bounded
 from deqmcl_gym.numerics import Bools, Floats, Point, Singles, arrays
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.validation import (
-    InputError,
-    array,
-    boolean,
-    integer,
-    keep_plain,
-    number,
-    part,
-    shown,
-)
+from deqmcl_gym.validation import InputError, array, boolean, integer, number, part, shown
 
 CENTRE = (0.0, 0.0)
 _TURN = 2 * math.pi
@@ -30,21 +21,19 @@ _SLACK = 1e-9  # rad
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mount:
+class Mount(Part, called="{} of a mount"):
     """A scanner on the robot. Lengths are in the map's unit, angles in rad."""
 
-    x: float = field(default=0.0, metadata=LENGTH)  #: where its rays start, ahead of the centre
-    y: float = field(default=0.0, metadata=LENGTH)  #: and left of the robot's centre
-    heading: float = 0.0  #: of the scanner against the robot's, rad
+    x: float = bounded(0.0, LENGTH)  #: where its rays start, ahead of the centre
+    y: float = bounded(0.0, LENGTH)  #: and left of the robot's centre
+    #: of the scanner against the robot's, rad
+    heading: float = bounded(0.0, low=-_TURN, high=_TURN)
     upside_down: bool = False  #: its angles count clockwise, seen from above
     beams: int | None = None  #: its beams; None: an equal share of the lidar's
     blind: tuple[tuple[float, float], ...] = ()  #: sectors (from, to) without readings, rad
 
     def __post_init__(self) -> None:
-        keep_plain(self)
-        number("x of a mount", self.x)
-        number("y of a mount", self.y)
-        number("heading of a mount", self.heading, low=-_TURN, high=_TURN)
+        super().__post_init__()
         object.__setattr__(self, "upside_down", boolean("upside_down", self.upside_down))
         if self.beams is not None:
             integer("beams of a mount", self.beams, low=1, high=100_000)
@@ -79,7 +68,7 @@ class Mount:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lidar:
+class Lidar(Part, called="lidar.{}"):
     """A fan of range beams, centred on the robot's heading, or one fan for each of its mounts.
 
     Lengths are in the map's unit. The defaults are the paper preset's, in px. With a field of view
@@ -88,21 +77,19 @@ class Lidar:
     ``mounts``, a :class:`Mount`, a mapping or a row (x, y, heading); their beams follow in turn.
     """
 
-    beams: int = 1  #: number of beams, of all mounts together; a single one looks straight ahead
-    field_of_view: float = math.pi / 2  #: angle between the outermost beams, rad
-    max_range: float = field(default=400.0, metadata=LENGTH)  #: largest range reported
-    sigma: float = field(default=100.0, metadata=LENGTH)  #: standard deviation of the range noise
+    #: number of beams, of all mounts together; a single one looks straight ahead
+    beams: int = bounded(1, low=1, high=100_000)
+    #: angle between the outermost beams, rad
+    field_of_view: float = bounded(math.pi / 2, low=0, high=_TURN, above=True)
+    max_range: float = bounded(400.0, LENGTH, low=0, above=True)  #: largest range reported
+    sigma: float = bounded(100.0, LENGTH, low=0)  #: standard deviation of the range noise
     #: where on the robot the rays start, ahead and left of its centre
     mounting: tuple[float, float] = field(default=CENTRE, metadata=LENGTH)
     mounts: tuple[Mount, ...] = ()  #: several scanners, or a turned one, instead of ``mounting``
     min_range: float = field(default=0.0, metadata=LENGTH)  #: shorter readings are lost: +inf
 
     def __post_init__(self) -> None:
-        keep_plain(self)
-        integer("lidar.beams", self.beams, low=1, high=100_000)
-        number("lidar.field_of_view", self.field_of_view, low=0, high=_TURN, above=True)
-        number("lidar.max_range", self.max_range, low=0, above=True)
-        number("lidar.sigma", self.sigma, low=0)
+        super().__post_init__()
         number("lidar.min_range", self.min_range, low=0, high=self.max_range)
         ahead, aside = array("lidar.mounting", self.mounting, (2,)).tolist()
         object.__setattr__(self, "mounting", (ahead, aside))

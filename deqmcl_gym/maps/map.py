@@ -11,14 +11,14 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps.drive_kernels import directed, put
 from deqmcl_gym.numerics import Bools, Floats, Ints, Singles, T
-from deqmcl_gym.validation import InputError, number, one_of, real
+from deqmcl_gym.validation import InputError, integer, keep_plain, number, one_of, real
 
 _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
@@ -31,6 +31,30 @@ PER_LENGTH: Mapping[str, int] = MappingProxyType({"length": -1})
 SQUARE: Mapping[str, int] = MappingProxyType({"length": 2})
 PER_SQUARE: Mapping[str, int] = MappingProxyType({"length": -2})
 POSE: Mapping[str, tuple[int, ...]] = MappingProxyType({"length": (1, 1, 0)})
+
+
+def bounded(
+    default: Any = dataclasses.MISSING, kind: Mapping[str, Any] | None = None, **bounds: Any
+) -> Any:
+    """Return a field of a :class:`Part`: a number in these bounds, whole if ``default`` is."""
+    return dataclasses.field(default=default, metadata={**(kind or {}), "bounds": bounds})
+
+
+class Part:
+    """A frozen dataclass whose numbers are plain ones, each within its bounds."""
+
+    _called: ClassVar[str]  # pattern of what sentences call a field
+
+    def __init_subclass__(cls, called: str = "") -> None:
+        cls._called = called or cls._called
+
+    def __post_init__(self) -> None:
+        keep_plain(self)
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            if "bounds" in field.metadata:
+                what, value = self._called.format(field.name), getattr(self, field.name)
+                check = integer if isinstance(field.default, int) else number
+                check(what, value, **field.metadata["bounds"])
 
 
 def pixel(unit: str) -> float:

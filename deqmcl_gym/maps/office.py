@@ -7,8 +7,9 @@ import numpy as np
 
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
+from deqmcl_gym.maps.map import Part, bounded
 from deqmcl_gym.numerics import Bools
-from deqmcl_gym.validation import InputError, boolean, digits, integer, keep_plain, number, shown
+from deqmcl_gym.validation import InputError, boolean, digits, integer, shown
 
 CELL = 0.1  # m
 _WALL = 2  # cells
@@ -18,7 +19,7 @@ _DEEPEST, _LONGEST = 60, 240  # cells: the most of a room and of a wing
 
 
 @dataclass(frozen=True, kw_only=True)
-class Office:
+class Office(Part, called="office.{}"):
     """An office building. Lengths in m, multiples of 0.1 m.
 
     Horizontal corridors run through the whole building; vertical ones divide it into wings. Between
@@ -27,25 +28,22 @@ class Office:
     same values give the same building on every machine.
     """
 
-    seed: int = 0  #: of the building
-    wings: int = 2  #: 1 to 8, side by side, each 16 to 24 m long
-    corridors: int = 2  #: 1 to 6, through all wings; 2 or more form loops
-    corridor: float = 2.0  #: width of all corridors, 0.8 to 10 m
-    door: float = 0.9  #: width of all doors, 0.7 to 1.5 m
+    seed: int = bounded(0, high=2**63 - 1)  #: of the building
+    wings: int = bounded(2, low=1, high=8)  #: 1 to 8, side by side, each 16 to 24 m long
+    corridors: int = bounded(2, low=1, high=6)  #: 1 to 6, through all wings; 2 or more form loops
+    corridor: float = bounded(2.0, low=0.8, high=10.0)  #: width of all corridors, 0.8 to 10 m
+    door: float = bounded(0.9, low=0.7, high=1.5)  #: width of all doors, 0.7 to 1.5 m
     repeated: bool = False  #: all wings are the same, so that scans do not tell them apart
     symmetric: bool = False  #: the same after a half turn; needs an even number of wings
 
     def __post_init__(self) -> None:
-        integer("office.seed", self.seed, high=2**63 - 1)
-        integer("office.wings", self.wings, low=1, high=8)
-        integer("office.corridors", self.corridors, low=1, high=6)
-        for name, low, high in (("corridor", 0.8, 10.0), ("door", 0.7, 1.5)):
-            length = number(f"office.{name}", getattr(self, name), low=low, high=high)
+        super().__post_init__()
+        for name in ("corridor", "door"):
+            length = getattr(self, name)
             if abs(length - CELL * _cells(length)) > 1e-9:
                 raise InputError(
                     f"office.{name} is {digits(length)}, but must be a multiple of {CELL:g} m."
                 )
-        keep_plain(self)
         boolean("office.repeated", self.repeated)
         if boolean("office.symmetric", self.symmetric) and (self.repeated or self.wings % 2):
             raise InputError(

@@ -246,7 +246,7 @@ class PolygonMap(Map):
         polygons = zip((self.outer, *self.obstacles), (room, *inner), strict=True)
         edges = [oriented_edges(polygon, solid=True) for polygon, box in polygons if box is None]
         walls = np.vstack([np.empty((0, 4)), *edges])
-        boxes = np.array([box for box in inner if box is not None] or [4 * (math.inf,)], np.float32)
+        boxes = np.array([box for box in inner if box is not None], np.float32)
         x0, y0, x1, y1 = walls.T
         upright, level, overlap = x0 == x1, y0 == y1, OVERLAP * pixel(self.unit)
         low_x, high_x = np.minimum(x0, x1) - overlap, np.maximum(x0, x1) + overlap
@@ -258,8 +258,7 @@ class PolygonMap(Map):
             AllWalls(
                 outer=oriented_edges(self.outer, solid=False).astype(np.float32),
                 room=np.array(room or (-math.inf, -math.inf, math.inf, math.inf), np.float32),
-                box=boxes[0],
-                boxes=boxes[1:],
+                boxes=boxes.reshape(-1, 4),
                 upright=_singles([x0, low_y, high_y])[upright],
                 level=_singles([y0, low_x, high_x])[level],
                 oblique=_singles(oblique)[~(upright | level)],

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from deqmcl_gym.maps.drive_kernels import wind
 from deqmcl_gym.numerics import Bools, Single, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
+from deqmcl_gym.numerics.elementary import sincos32
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _TINY, _INF, _NAN = np.float32(1e-12), np.float32(np.inf), np.float32(np.nan)
@@ -43,35 +43,6 @@ def inverse(slope: Single) -> Single:
     return _ONE / (slope if abs(slope) > _TINY else _TINY)
 
 
-@compiled
-def leave(
-    left: Single, low: Single, right: Single, high: Single, per_dx: Single, per_dy: Single
-) -> Single:
-    """Where a ray leaves the rectangle that it starts in; sides are relative to its start."""
-    leave_x = _more(left * per_dx, right * per_dx)
-    leave_y = _more(low * per_dy, high * per_dy)
-    return _less(leave_x, leave_y)
-
-
-@compiled
-def enter(
-    left: Single,
-    low: Single,
-    right: Single,
-    high: Single,
-    per_dx: Single,
-    per_dy: Single,
-    best: Single,
-) -> Single:
-    """Where a ray enters a rectangle, or leaves it: the slab method of Kay & Kajiya (1986)."""
-    to_left, to_right = left * per_dx, right * per_dx
-    to_low, to_high = low * per_dy, high * per_dy
-    enter = _more(_less(to_left, to_right), _less(to_low, to_high))
-    leave = _less(_more(to_left, to_right), _more(to_low, to_high))
-    t = enter if enter >= _ZERO else leave
-    return t if (t >= _ZERO) & (leave >= enter) & (t < best) else best
-
-
 Rectangle = Singles  # (x_low, y_low, x_high, y_high)
 _RAYS = 512  # of one beam cast at a time: their data fit the fastest cache
 
@@ -81,8 +52,7 @@ class AllWalls(NamedTuple):
 
     outer: Singles  # the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4)
     room: Rectangle  # that all poses are in; infinite if the outer wall is not a rectangle
-    box: Rectangle  # seen from outside and from inside; all inf if there is none
-    boxes: Singles  # further ones, (S₀, 4); four walls each
+    boxes: Singles  # rectangles seen from outside and from inside, (S₀, 4)
     upright: Singles  # other walls x = c as (c, y_low, y_high), (S₁, 3)
     level: Singles  # other walls y = c as (c, x_low, x_high), (S₂, 3)
     oblique: Singles  # others: start, direction and extent along it, (S₃, 6)
@@ -107,14 +77,6 @@ def _inside(poses: Singles, outer: Singles, room: Rectangle) -> Bools:
 
 
 @compiled
-def _blind(inside: Bools, out: Singles) -> None:
-    """Overwrite by NaN the ranges (B, n) of poses that are not inside, (n,)."""
-    for i in range(inside.size):
-        if not inside[i]:
-            out[:, i] = _NAN
-
-
-@compiled
 def _shorten(
     x: Singles,
     y: Singles,
@@ -125,12 +87,16 @@ def _shorten(
     walls: AllWalls,
     best: Singles,
 ) -> None:
-    """Shorten rays, (n,), to the nearest of all walls but ``room`` and ``box``."""
+    """Shorten rays, (n,), to the nearest of all walls but ``room``."""
     for other in range(walls.boxes.shape[0]):
         left, low, right, high = walls.boxes[other]
-        for i in range(best.size):
-            sides = left - x[i], low - y[i], right - x[i], high - y[i]
-            best[i] = enter(*sides, per_dx[i], per_dy[i], best[i])
+        for i in range(best.size):  # enters it, or leaves it: the slabs of Kay & Kajiya (1986)
+            to_left, to_right = (left - x[i]) * per_dx[i], (right - x[i]) * per_dx[i]
+            to_low, to_high = (low - y[i]) * per_dy[i], (high - y[i]) * per_dy[i]
+            enter = _more(_less(to_left, to_right), _less(to_low, to_high))
+            leave = _less(_more(to_left, to_right), _more(to_low, to_high))
+            t = enter if enter >= _ZERO else leave
+            best[i] = t if (t >= _ZERO) & (leave >= enter) & (t < best[i]) else best[i]
     for wall in range(walls.upright.shape[0]):
         at, low, high = walls.upright[wall]
         for i in range(best.size):
@@ -153,20 +119,6 @@ def _shorten(
 
 
 @compiled
-def _sides(rectangle: Rectangle, x: Singles, y: Singles, out: Singles) -> None:
-    """Fill in the distances of a rectangle's sides from points (n,), along x or y, (4, n)."""
-    for side in range(4):
-        start = x if side % 2 == 0 else y
-        for i in range(start.size):
-            out[side, i] = rectangle[side] - start[i]
-
-
-@compiled
-def _has_more(walls: AllWalls) -> bool:
-    return walls.boxes.size + walls.upright.size + walls.level.size + walls.oblique.size > 0
-
-
-@compiled
 def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Singles) -> None:
     """Fill in the distance along each beam to the nearest wall, as ``Caster.cast``.
 
@@ -179,70 +131,45 @@ def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out
     beam_sine = np.empty(bearings.size, np.float32)
     beam_cosine = np.empty(bearings.size, np.float32)
     sincos32(bearings, beam_sine, beam_cosine)
-    room, box = np.empty((4, _RAYS), np.float32), np.empty((4, _RAYS), np.float32)
-    more = _has_more(walls)
+    left, low, right, high = walls.room
     n = poses.shape[1]
     for start in range(0, n, _RAYS):
         count = min(_RAYS, n - start)
         end = start + count
         x, y = poses[0, start:end], poses[1, start:end]
         sincos32(poses[2, start:end], sine, cosine)
-        _sides(walls.room, x, y, room)
-        _sides(walls.box, x, y, box)
         for beam in range(bearings.size):
             bs, bc = beam_sine[beam], beam_cosine[beam]
             best = out[beam, start:end]
             for i in range(count):
-                per_dx[i] = inverse(cosine[i] * bc - sine[i] * bs)
-                per_dy[i] = inverse(sine[i] * bc + cosine[i] * bs)
+                dx[i] = cosine[i] * bc - sine[i] * bs
+                dy[i] = sine[i] * bc + cosine[i] * bs
             for i in range(count):
-                left, low, right, high = room[0, i], room[1, i], room[2, i], room[3, i]
-                t = leave(left, low, right, high, per_dx[i], per_dy[i])
-                left, low, right, high = box[0, i], box[1, i], box[2, i], box[3, i]
-                best[i] = enter(left, low, right, high, per_dx[i], per_dy[i], t)
-            if more:
-                for i in range(count):
-                    dx[i] = cosine[i] * bc - sine[i] * bs
-                    dy[i] = sine[i] * bc + cosine[i] * bs
-                _shorten(x, y, dx, dy, per_dx, per_dy, walls, best)
-    _blind(_inside(poses, walls.outer, walls.room), out)
+                per_dx[i], per_dy[i] = inverse(dx[i]), inverse(dy[i])
+            for i in range(count):  # leaves the room that it starts in
+                leave_x = _more((left - x[i]) * per_dx[i], (right - x[i]) * per_dx[i])
+                leave_y = _more((low - y[i]) * per_dy[i], (high - y[i]) * per_dy[i])
+                best[i] = _less(leave_x, leave_y)
+            _shorten(x, y, dx, dy, per_dx, per_dy, walls, best)
+    inside = _inside(poses, walls.outer, walls.room)
+    for i in range(n):
+        if not inside[i]:
+            out[:, i] = _NAN
 
 
 @compiled
 def cast_fans(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Singles) -> None:
     """Do the same as ``cast_all``, with the lanes over the beams, for a handful of poses.
 
-    Room and box are repeated here: with lanes over poses, their sides differ between lanes, and a
-    common loop takes a fifth longer.
+    Directions are symmetric in heading and bearing: the beams are cast as poses with one beam.
     """
-    walls = AllWalls(*arrays)
-    beams = bearings.size
-    x, y = np.empty(beams, np.float32), np.empty(beams, np.float32)
-    dx, dy = np.empty(beams, np.float32), np.empty(beams, np.float32)
-    per_dx, per_dy = np.empty(beams, np.float32), np.empty(beams, np.float32)
-    best = np.empty(beams, np.float32)
-    room, box, more = walls.room, walls.box, _has_more(walls)
-    for pose in range(poses.shape[1]):
-        px, py = poses[0, pose], poses[1, pose]
-        sine, cosine = sin32(poses[2, pose]), cos32(poses[2, pose])
-        for i in range(beams):
-            bs, bc = sin32(bearings[i]), cos32(bearings[i])
-            dx[i] = cosine * bc - sine * bs
-            dy[i] = sine * bc + cosine * bs
-        for i in range(beams):
-            per_dx[i], per_dy[i] = inverse(dx[i]), inverse(dy[i])
-        left, low, right, high = room[0] - px, room[1] - py, room[2] - px, room[3] - py
-        for i in range(beams):
-            best[i] = leave(left, low, right, high, per_dx[i], per_dy[i])
-        left, low, right, high = box[0] - px, box[1] - py, box[2] - px, box[3] - py
-        for i in range(beams):
-            best[i] = enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
-        if more:
-            x[:], y[:] = px, py
-            _shorten(x, y, dx, dy, per_dx, per_dy, walls, best)
-        for i in range(beams):
-            out[i, pose] = best[i]
-    _blind(_inside(poses, walls.outer, walls.room), out)
+    fan, seen = np.empty((3, bearings.size), np.float32), np.empty((1, bearings.size), np.float32)
+    fan[2] = bearings
+    for i in range(poses.shape[1]):
+        fan[0], fan[1] = poses[0, i], poses[1, i]
+        cast_all(fan, poses[2, i : i + 1], arrays, seen)
+        for beam in range(bearings.size):
+            out[beam, i] = seen[0, beam] if abs(poses[2, i]) < _INF else _NAN
 
 
 Reach = NDArray[np.uint8]

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.maps import Box, GridMap, Lidar, Map, Office, Offices, PolygonMap, polygons
-from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, pixel, scaled
-from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
+from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, Part, bounded, pixel, scaled
+from deqmcl_gym.validation import InputError, array, one_of, part, pose, shown
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.people import People
 
@@ -122,32 +122,22 @@ SKIN = 1e-3  # px
 
 
 @dataclass(frozen=True, kw_only=True)
-class Robot:
+class Robot(Part, called="robot.{}"):
     """A disc that turns on the spot, then drives straight ahead."""
 
-    radius: float = field(default=8.0, metadata=LENGTH)  #: of the disc
-    max_distance: float = field(default=10.0, metadata=LENGTH)  #: longest drive in one step
-    max_turn: float = math.pi / 4  #: largest turn in one step, rad
-
-    def __post_init__(self) -> None:
-        keep_plain(self)
-        number("robot.radius", self.radius, low=0)
-        number("robot.max_distance", self.max_distance, low=0, above=True)
-        number("robot.max_turn", self.max_turn, low=0, high=math.pi, above=True)
+    radius: float = bounded(8.0, LENGTH, low=0)  #: of the disc
+    max_distance: float = bounded(10.0, LENGTH, low=0, above=True)  #: longest drive in one step
+    #: largest turn in one step, rad
+    max_turn: float = bounded(math.pi / 4, low=0, high=math.pi, above=True)
 
 
 @dataclass(frozen=True, kw_only=True)
-class MotionNoise:
+class MotionNoise(Part, called="noise.{}"):
     """``ε_d ~ N(0, (drive |d|)²)``, ``ε_φ ~ N(0, (turn |φ| + drift |d|)²)`` on a command (d, φ)."""
 
-    drive: float = 0.02  #: error of the distance, per distance driven
-    turn: float = 0.02  #: error of the turn, rad per rad turned
-    drift: float = field(default=0.0005, metadata=PER_LENGTH)  #: error of the turn, rad per length
-
-    def __post_init__(self) -> None:
-        keep_plain(self)
-        for name in ("drive", "turn", "drift"):
-            number(f"noise.{name}", getattr(self, name), low=0)
+    drive: float = bounded(0.02, low=0)  #: error of the distance, per distance driven
+    turn: float = bounded(0.02, low=0)  #: error of the turn, rad per rad turned
+    drift: float = bounded(0.0005, PER_LENGTH, low=0)  #: error of the turn, rad per length
 
     @property
     def sds(self) -> tuple[float, float, float]:
@@ -156,38 +146,35 @@ class MotionNoise:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Start:
+class Start(Part, called="start.{}"):
     """Where an episode begins: N(pose, diag(sd_position², sd_position², sd_heading²)), if free."""
 
     #: (x, y, θ); None: the middle of the lowest side of the lap, along it
     pose: tuple[float, float, float] | None = field(default=None, metadata=POSE)
-    sd_position: float = field(default=0.0, metadata=LENGTH)  #: standard deviation in x and in y
-    sd_heading: float = 0.0  #: standard deviation of the heading, rad
+    sd_position: float = bounded(0.0, LENGTH, low=0)  #: standard deviation in x and in y
+    sd_heading: float = bounded(0.0, low=0)  #: standard deviation of the heading, rad
 
     def __post_init__(self) -> None:
-        keep_plain(self)
+        super().__post_init__()
         if self.pose is not None:
             object.__setattr__(self, "pose", pose("start.pose", self.pose))
-        number("start.sd_position", self.sd_position, low=0)
-        number("start.sd_heading", self.sd_heading, low=0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lap:
+class Lap(Part, called="lap.{}"):
     """How the planned lap is driven: along ``waypoints``, the corners of a closed path, in order.
 
     Without them, counterclockwise in the middle of the corridor around the obstacles.
     """
 
-    step: float = field(default=5.0, metadata=LENGTH)  #: distance of a driving step
-    turn: float = math.pi / 12  #: angle of a turning step, rad
+    step: float = bounded(5.0, LENGTH, low=0, above=True)  #: distance of a driving step
+    #: angle of a turning step, rad
+    turn: float = bounded(math.pi / 12, low=0, high=math.pi, above=True)
     #: 3 or more corners of the closed path; None: around the obstacles
     waypoints: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)
 
     def __post_init__(self) -> None:
-        keep_plain(self)
-        number("lap.step", self.step, low=0, above=True)
-        number("lap.turn", self.turn, low=0, high=math.pi, above=True)
+        super().__post_init__()
         if self.waypoints is not None:
             corners = array("lap.waypoints", self.waypoints, (None, 2))
             if len(corners) < 3:
@@ -204,47 +191,39 @@ class Lap:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Driver:
+class Driver(Part, called="driver.{}"):
     """A driver that knows the true pose and steers back to the planned path at every step."""
 
-    look_ahead: float = field(default=25.0, metadata=LENGTH)  #: how far along the path it aims
-    on_the_spot: float = 0.5  #: heading error beyond which it turns without driving, rad
-
-    def __post_init__(self) -> None:
-        keep_plain(self)
-        number("driver.look_ahead", self.look_ahead, low=0, above=True)
-        number("driver.on_the_spot", self.on_the_spot, low=0, high=math.pi, above=True)
+    look_ahead: float = bounded(25.0, LENGTH, low=0, above=True)  #: how far along the path it aims
+    #: heading error beyond which it turns without driving, rad
+    on_the_spot: float = bounded(0.5, low=0, high=math.pi, above=True)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Route:
+class Route(Part, called="route.{}"):
     """A route from a start to a goal instead of the lap, both drawn anew in each episode.
 
     A given ``start.pose`` or ``goal`` is not drawn.
     """
 
     goal: tuple[float, float] | None = field(default=None, metadata=LENGTH)  #: its end; None: drawn
-    min_length: float = field(default=250.0, metadata=LENGTH)  #: of a drawn route
-    max_length: float = field(default=3000.0, metadata=LENGTH)  #: of a drawn route
-    clearance: float = field(default=2.5, metadata=LENGTH)  #: least distance of the rim to walls
-    comfort: float = field(default=40.0, metadata=LENGTH)  #: distance to walls where there is room
-    tolerance: float = field(default=25.0, metadata=LENGTH)  #: where the goal counts as reached
+    min_length: float = bounded(250.0, LENGTH, low=0)  #: of a drawn route
+    max_length: float = bounded(3000.0, LENGTH, low=0, above=True)  #: of a drawn route
+    clearance: float = bounded(2.5, LENGTH, low=0)  #: least distance of the rim to walls
+    #: distance to walls where there is room
+    comfort: float = bounded(40.0, LENGTH, low=0, above=True)
+    tolerance: float = bounded(25.0, LENGTH, low=0, above=True)  #: where the goal counts as reached
 
     def __post_init__(self) -> None:
-        keep_plain(self)
+        super().__post_init__()
         if self.goal is not None:
             x, y = array("route.goal", self.goal, (2,)).tolist()
             object.__setattr__(self, "goal", (x, y))
-        number("route.min_length", self.min_length, low=0)
-        number("route.max_length", self.max_length, low=0, above=True)
         if self.min_length > self.max_length:
             raise InputError(
                 f"route.min_length is {self.min_length:g}, but must be at most route.max_length, "
                 f"{self.max_length:g}."
             )
-        number("route.clearance", self.clearance, low=0)
-        number("route.comfort", self.comfort, low=0, above=True)
-        number("route.tolerance", self.tolerance, low=0, above=True)
 
 
 @dataclass(frozen=True, kw_only=True)

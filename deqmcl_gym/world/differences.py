@@ -18,20 +18,10 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import runs_of
-from deqmcl_gym.maps.map import LENGTH, pixel, scaled
+from deqmcl_gym.maps.map import LENGTH, Part, bounded, pixel, scaled
 from deqmcl_gym.maps.polygons import edges_of, square_distances
 from deqmcl_gym.numerics import Bools, Floats, Indices, arrays
-from deqmcl_gym.validation import (
-    InputError,
-    array,
-    boolean,
-    integer,
-    keep_plain,
-    number,
-    one_of,
-    part,
-    shown,
-)
+from deqmcl_gym.validation import InputError, array, boolean, integer, number, one_of, part, shown
 
 KINDS = ("removed", "added", "shifted")
 BESIDE = 10.0  # px: room left on both sides of a robot on its way
@@ -95,25 +85,23 @@ class Way(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Clutter:
+class Clutter(Part, called="clutter.{}"):
     """Boxes and round pillars that are not on the map; ``size`` is their least and greatest side.
 
     They stand anywhere, or against a wall. They keep off the way planned on the map, 0.2 m (10 px)
     beside the robot, or only off its ends.
     """
 
-    number: int = 10  #: of things
+    number: int = bounded(10, high=10_000)  #: of things
     #: least and greatest side of a box, or diameter of a pillar
     size: tuple[float, float] = field(default=(15.0, 40.0), metadata=LENGTH)
-    round: float = 0.5  #: share of pillars
+    round: float = bounded(0.5, low=0, high=1)  #: share of pillars
     where: str = "anywhere"  #: "anywhere" or "walls"
     keep_route: bool = True  #: whether the way planned on the map stays free
 
     def __post_init__(self) -> None:
-        keep_plain(self)
-        integer("clutter.number", self.number, high=10_000)
+        super().__post_init__()
         object.__setattr__(self, "size", ordered("clutter.size", self.size, above=True))
-        number("clutter.round", self.round, low=0, high=1)
         one_of("place of clutter", self.where, ("anywhere", "walls"))
         boolean("clutter.keep_route", self.keep_route)
 
@@ -163,21 +151,20 @@ def _unit(angles: ArrayLike) -> Floats:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChangedWalls:
+class ChangedWalls(Part, called="changed_walls.{}"):
     """Inner walls that are not where the map has them: pieces of up to 2 m (100 px).
 
     A piece is removed, or shifted across, or a wall is added: a copy of the piece 0.5 to 3 m
     (25 to 150 px) beside it or, as often, what closes a door.
     """
 
-    share: float = 0.1  #: of the inner walls' length that is changed, 0 to 0.5
-    distance: float = field(default=25.0, metadata=LENGTH)  #: greatest shift
+    #: of the inner walls' length that is changed, 0 to 0.5
+    share: float = bounded(0.1, low=0, high=0.5)
+    distance: float = bounded(25.0, LENGTH, low=0, above=True)  #: greatest shift
     keep_route: bool = True  #: as for clutter
 
     def __post_init__(self) -> None:
-        keep_plain(self)
-        number("changed_walls.share", self.share, low=0, high=0.5)
-        number("changed_walls.distance", self.distance, low=0, above=True)
+        super().__post_init__()
         boolean("changed_walls.keep_route", self.keep_route)
 
     def check(self, floor_plan: Map) -> None:
@@ -259,16 +246,12 @@ def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Glass:
+class Glass(Part, called="glass.{}"):
     """Inner walls, as on the map, of which beams do not always return."""
 
-    share: float = 0.2  #: of the inner walls' length that is glass
-    lost: float = 0.7  #: share of the beams that meet glass and see what is behind
-
-    def __post_init__(self) -> None:
-        keep_plain(self)
-        number("glass.share", self.share, low=0, high=1)
-        number("glass.lost", self.lost, low=0, high=1)
+    share: float = bounded(0.2, low=0, high=1)  #: of the inner walls' length that is glass
+    #: share of the beams that meet glass and see what is behind
+    lost: float = bounded(0.7, low=0, high=1)
 
     def check(self, floor_plan: Map) -> None:
         """Refuse a map without inner walls."""

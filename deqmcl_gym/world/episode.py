@@ -14,7 +14,7 @@ import numpy as np
 from deqmcl_gym.maps import Caster, GridMap, Lidar, Map, PolygonMap
 from deqmcl_gym.maps.grid_kernels import first_contact
 from deqmcl_gym.maps.polygons import oriented_edges
-from deqmcl_gym.numerics import Floats, Point, Pose, Singles
+from deqmcl_gym.numerics import Floats, Indices, Point, Pose, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.world import Stream, World, episode_stream
 from deqmcl_gym.world.course import Course
@@ -144,30 +144,43 @@ def _way(world: World, course: Course, plan: Plan, whole: bool) -> Way:
     return Way(np.vstack([way.points for way in parts]), parts[0].margin)
 
 
-class LidarSensor:
-    """The lidar of one robot: o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²)."""
+_ONLY = np.zeros(1, np.intp)
 
-    def __init__(self, caster: Caster, lidar: Lidar, rng: np.random.Generator) -> None:
-        """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
-        self._lidar, self._caster, self._rng = lidar, caster, rng
 
-    def scan(self, pose: Pose) -> Singles:
-        """Return the ranges seen from a pose, fresh (B,), in [0, max_range]; +inf for lost ones."""
-        lidar, seen = self._lidar, np.empty(self._lidar.beams, np.float32)
-        exact = np.empty((lidar.beams, 1), np.float32)
-        lidar.cast(self._caster, np.array([pose], np.float32).T, exact)
-        normals = self._rng.standard_normal(lidar.beams)
-        _report(exact, normals, lidar.sigma, lidar.max_range, seen)
-        lidar.lose(seen)
-        return seen
+def scanned(pose: Pose, caster: Caster, lidar: Lidar, rng: np.random.Generator) -> Singles:
+    """Return the ranges seen from a pose, fresh (B,), in [0, max_range]; +inf for lost ones.
+
+    o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²): a normal number per beam from ``rng``.
+    """
+    exact, seen = np.empty((lidar.beams, 1), np.float32), np.empty(lidar.beams, np.float32)
+    lidar.cast(caster, np.array([pose], np.float32).T, exact)
+    normals = rng.standard_normal((1, 1, lidar.beams))
+    report(_ONLY, exact, normals, _ONLY.copy(), lidar.sigma, lidar.max_range, seen[None])
+    lidar.lose(seen)
+    return seen
 
 
 @compiled
-def _report(exact: Singles, normals: Floats, sigma: float, max_range: float, out: Singles) -> None:
-    """Fill in clip(exact (B, 1) + σ normals (B,), 0, max_range) in one pass: NumPy takes five."""
-    for beam in range(out.size):
-        seen = exact[beam, 0] + sigma * normals[beam]
-        out[beam] = min(max(seen, 0.0), max_range)
+def report(
+    rooms: Indices,
+    exact: Singles,
+    normals: Floats,
+    at: Indices,
+    sigma: float,
+    max_range: float,
+    out: Singles,
+) -> None:
+    """Fill in scans clip(exact + σ normals, 0, max_range), (n, B), of ``rooms`` (k,), in one pass.
+
+    ``exact`` is (B, k). Each uses the next row of its normal numbers, (n, rows, B).
+    """
+    for i in range(rooms.size):
+        room = rooms[i]
+        row = at[room]
+        at[room] = row + 1
+        for beam in range(out.shape[1]):
+            seen = exact[beam, i] + sigma * normals[room, row, beam]
+            out[room, beam] = min(max(seen, 0.0), max_range)
 
 
 class CellContacts:
@@ -246,7 +259,8 @@ class Body:
         pose: Pose,
         walls: Contacts,
         world: World,
-        sensor: LidarSensor,
+        caster: Caster,
+        sensor: np.random.Generator,
         motion: np.random.Generator,
     ) -> None:
         """Put the robot of a world at a pose among its walls, and take its first scan.
@@ -254,7 +268,8 @@ class Body:
         Two normal numbers per move are drawn from ``motion``.
         """
         self._walls, self._skin, self._reach = walls, world.skin, world.reach
-        self._noise, self._sensor, self._motion = world.noise.sds, sensor, motion
+        self._noise, self._motion = world.noise.sds, motion
+        self._sees = caster, world.lidar, sensor
         self._put(pose)
         self.look()
 
@@ -270,7 +285,7 @@ class Body:
 
     def look(self) -> None:
         """Take a scan."""
-        self.scan = self._sensor.scan(self.pose)
+        self.scan = scanned(self.pose, *self._sees)
 
     def _put(self, pose: Pose) -> None:
         """Put the robot somewhere, whatever lies between."""
@@ -318,11 +333,11 @@ class Episode(Body):
         self.course, self.plan = begun.course, begun.plan
         world = self.there.world
         self.crowd = begun.crowd()
-        sensor = LidarSensor(begun.caster(self.crowd), world.lidar, begun.streams(Stream.SENSOR))
         solid = walls if self.there is rules else contacts_of(world)
         if self.crowd is not None:
             solid = Crowded(solid, self.crowd, world.body)
-        super().__init__(begun.start, solid, world, sensor, begun.streams(Stream.MOTION))
+        streams = begun.streams(Stream.SENSOR), begun.streams(Stream.MOTION)
+        super().__init__(begun.start, solid, world, begun.caster(self.crowd), *streams)
         self.arc = begun.arc
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
@@ -355,15 +370,10 @@ class Episode(Body):
         self.step += 1
         self.arc, gained, reward, self.done = judged_step(
             (*before, *self.pose[:2]), self.arc, self.progress, collided,
-            path.edges, path.period, rules.rewards,
+            path.edges, path.period, self.course.goal or (0.0, 0.0), rules.rewards,
         )  # fmt: skip
         self.way += gained
         self.progress += gained
-        goal, route = self.course.goal, rules.world.route
-        if goal is not None and route is not None and rules.ends_at_goal:
-            dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
-            if np.sqrt(dx * dx + dy * dy) <= route.tolerance:
-                reward, self.done = reward + rules.rewards[1], True
         if self.crowd is not None:
             self.crowd.walk(self.pose[:2])
             self._put(self.pose)  # who walks may be in the way now

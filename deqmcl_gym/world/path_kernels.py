@@ -105,13 +105,9 @@ def drive_along(
 ) -> int:
     """Fill in the actions (n, 2) of a driver without noise until it is done; return their number.
 
-    Args:
-        pose, arc, way: where the robot is, on the path, and how far along it so far.
-        edges, period: of the path.
-        rules: look-ahead distance; heading error beyond which it turns on the spot; step; largest
-            turn of a step; distance along the path at which it is done; distance from the end of
-            the path at which it is done.
-        actions: distance, turn.
+    It begins at ``arc``, having come as far as ``way``. Rules: look-ahead distance; heading error
+    beyond which it turns on the spot; step; largest turn of a step; distance along the path at
+    which it is done; distance from the end of the path at which it is done.
     """
     x, y, heading = pose
     look_ahead, on_the_spot, step, most, end, near = rules
@@ -168,7 +164,8 @@ def judged_step(
     collided: bool,
     edges: Floats,
     period: float,
-    rewards: tuple[float, float, float],
+    end: tuple[float, float],
+    rewards: tuple[float, float, float, float],
 ) -> tuple[float, float, float, bool]:
     """Return arc length and progress of a step, its reward, and whether the task is done.
 
@@ -176,16 +173,19 @@ def judged_step(
     the goal without contact, and less otherwise.
 
     A drive is from (x, y) to (x, y), ``before`` the arc length before it. Rewards are the progress
-    at which the task is done, inf if it never is; the reward for that; the penalty for a contact.
+    at which the task is done, inf if it never is; the reward for that; the penalty for a contact;
+    the distance from the path's ``end`` at which the task is done, too, -1 if it never is.
     """
     from_x, from_y, x, y = drive
     arc, gained = follow(from_x, from_y, x, y, before, edges, period)
-    goal, bonus, penalty = rewards
+    goal, bonus, penalty, near = rewards
     reward = gained - penalty * collided
     progress += gained
-    if progress < goal:
-        return arc, gained, reward, False
-    return arc, gained, reward - (progress - goal) + bonus, True
+    if progress >= goal:
+        return arc, gained, reward - (progress - goal) + bonus, True
+    off_x, off_y = x - end[0], y - end[1]
+    done: bool = np.sqrt(off_x * off_x + off_y * off_y) <= near
+    return arc, gained, reward + bonus if done else reward, done
 
 
 NEARER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the look-ahead that are tried on a route

@@ -7,11 +7,11 @@ from typing import Protocol
 import numpy as np
 
 from deqmcl_gym.maps.grid_kernels import enters_circle
-from deqmcl_gym.maps.map import LENGTH, Caster, Map, pixel
+from deqmcl_gym.maps.map import LENGTH, Caster, Map, Part, bounded, pixel
 from deqmcl_gym.numerics import Bools, Floats, Indices, Point, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.validation import InputError, integer, keep_plain, number
+from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.differences import ordered
 
 _LEGS = 16
@@ -22,7 +22,7 @@ _TRIES = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class People:
+class People(Part, called="people.{}"):
     """People who walk straight from one random place to another in sight of it, and back.
 
     They pass through each other, but not through the robot: who would come too near turns round,
@@ -30,17 +30,14 @@ class People:
     per s.
     """
 
-    number: int = 10  #: of people, up to 1000
-    radius: float = field(default=15.0, metadata=LENGTH)  #: of a person
+    number: int = bounded(10, high=1000)  #: of people, up to 1000
+    radius: float = bounded(15.0, LENGTH, low=0, above=True)  #: of a person
     speed: tuple[float, float] = field(default=(25.0, 75.0), metadata=LENGTH)  #: range, per s
-    seconds: float = 0.4  #: duration of a step of the robot
+    seconds: float = bounded(0.4, low=0, above=True)  #: duration of a step of the robot
 
     def __post_init__(self) -> None:
-        keep_plain(self)
-        integer("people.number", self.number, high=1000)
-        number("people.radius", self.radius, low=0, above=True)
+        super().__post_init__()
         object.__setattr__(self, "speed", ordered("people.speed", self.speed))
-        number("people.seconds", self.seconds, low=0, above=True)
 
 
 class Crowd:

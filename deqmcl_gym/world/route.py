@@ -286,10 +286,8 @@ def drawn_course(journeys: Journeys, seed: int, number: int) -> Course:
 def routes_to(routes: Routes, goal: Point) -> RoutesTo:
     """Return the routes to a goal; the last four are cached, for drivers that replan."""
     routes.check("goal", goal)
-    costs = np.full(len(routes.centres), np.inf)
-    following = np.empty(len(costs), np.intp)
-    fill_costs(*routes.dear, routes.side, routes.cell(goal), costs)
-    fill_following(*routes.dear, costs, following)
+    costs, following = np.full(len(routes.centres), np.inf), np.full(len(routes.centres), -1)
+    fill_costs(*routes.dear, routes.side, routes.cell(goal), costs, following)
     return RoutesTo(routes, goal, costs, following)
 
 
@@ -299,15 +297,20 @@ _DIAGONAL = np.sqrt(2.0)
 
 
 @compiled
-def fill_costs(dear: Floats, numbers: Numbers, cell: float, goal: int, out: Floats) -> None:
-    """Fill in the least cost from each free cell to the goal, ∞ without a way.
+def fill_costs(
+    dear: Floats, numbers: Numbers, cell: float, goal: int, out: Floats, following: Indices
+) -> None:
+    """Fill in the least cost from each free cell to the goal, and the next cell of the way there.
+
+    Of next cells at equal cost it is the nearest to the goal, and of these the last.
 
     Dijkstra's algorithm with buckets of width ``cell`` (Dial, 1969). A step from a to b costs its
     length times the mean of what a and b cost. Sums of floats grow with either term, so the least
     one over all ways is the same in any order of the search.
 
     ``dear`` is the cost per step of each cell, from ``cell`` to 5 ``cell``, ``numbers`` those of
-    free cells, -1 elsewhere, with a ring of -1 around them, (rows, columns); ``out`` begins with ∞.
+    free cells, -1 elsewhere, with a ring of -1 around them, (rows, columns); ``out`` begins with ∞,
+    ``following`` with -1, which stay where there is no way.
     """
     rows, columns = numbers.shape
     places = np.empty(out.size, np.int64)
@@ -341,8 +344,12 @@ def fill_costs(dear: Floats, numbers: Numbers, cell: float, goal: int, out: Floa
                 if there < 0:
                     continue
                 cost = out[here] + _step(worth[at], worth[at + away[way]], way)
+                if cost == out[there]:
+                    other = following[there]
+                    nearer = out[here] < out[other] or (out[here] == out[other] and here > other)
+                    following[there] = here if nearer else other
                 if cost < out[there]:
-                    out[there], done[there] = cost, False
+                    out[there], done[there], following[there] = cost, False, here
                     if unused >= 0:
                         entry, unused = unused, after[unused]
                     else:
@@ -351,33 +358,6 @@ def fill_costs(dear: Floats, numbers: Numbers, cell: float, goal: int, out: Floa
                     held[entry], after[entry], first[into] = there, first[into], entry
                     waiting += 1
         bucket += 1
-
-
-@compiled
-def fill_following(dear: Floats, numbers: Numbers, costs: Floats, out: Indices) -> None:
-    """Fill in the next cell of the way from each cell to the goal; -1 at it, or without one.
-
-    Of those that lead there at equal cost it is the nearest to the goal, and of these the last.
-    """
-    columns = numbers.shape[1]
-    worth, number = dear.ravel(), numbers.ravel()
-    away = np.array([1, -1, columns, -columns, columns + 1, -columns - 1, columns - 1, 1 - columns])
-    for at in range(number.size):
-        here = number[at]
-        if here < 0:
-            continue
-        out[here], least = -1, np.inf
-        if costs[here] == np.inf:
-            continue
-        for way in range(8):
-            there = number[at + away[way]]
-            if there < 0:
-                continue
-            if costs[there] + _step(worth[at], worth[at + away[way]], way) != costs[here]:
-                continue
-            nearer = costs[there] < least or (costs[there] == least and there > out[here])
-            if nearer:
-                out[here], least = there, costs[there]
 
 
 @compiled

@@ -242,12 +242,14 @@ class RoomRules:
         return Commands(self.world.robot, self.world.floor_plan.unit)
 
     @cached_property
-    def rewards(self) -> tuple[float, float, float]:
-        """Progress at the goal, bonus there, and penalty for a contact, all as progress."""
-        px, goal = self.world.pixel, math.inf  # a route is done at its goal instead
-        if self.ends_at_goal and self.journeys is None:
+    def rewards(self) -> tuple[float, float, float, float]:
+        """Progress at the goal, bonus there, penalty for a contact; how near a route's goal is."""
+        px, goal, near, route = self.world.pixel, math.inf, -1.0, self.world.route
+        if self.ends_at_goal and route is not None:
+            near = route.tolerance
+        elif self.ends_at_goal:
             goal = once_round(self.course.path.length, self.world.robot.radius)
-        return goal, GOAL_BONUS * px, COLLISION_PENALTY * px
+        return goal, GOAL_BONUS * px, COLLISION_PENALTY * px, near
 
     @cached_property
     def observation_space(self) -> gym.Space[Any]:
