@@ -144,7 +144,6 @@ def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out
             for i in range(count):
                 dx[i] = cosine[i] * bc - sine[i] * bs
                 dy[i] = sine[i] * bc + cosine[i] * bs
-            for i in range(count):
                 per_dx[i], per_dy[i] = inverse(dx[i]), inverse(dy[i])
             for i in range(count):  # leaves the room that it starts in
                 leave_x = _more((left - x[i]) * per_dx[i], (right - x[i]) * per_dx[i])
