@@ -19,16 +19,7 @@ from msgspec import Meta, Struct
 
 from benchmarks.trials import Trial
 from benchmarks.trials.scoring import Finished, TrialRecord
-from deqmcl_gym.files import (
-    MOST_BYTES,
-    UnreadableError,
-    is_temporary,
-    json_of,
-    opened,
-    typed,
-    writable_folder,
-    write_bytes,
-)
+from deqmcl_gym import files
 from deqmcl_gym.validation import InputError, one_line
 
 try:
@@ -68,16 +59,16 @@ class Store:
             self.rejected["trials"] = "is of release 0.2.0, which kept a file for each trial"
         for path in sorted(out.glob("trials*.jsonl")):
             try:
-                with opened(path) as lines:
+                with files.opened(path) as lines:
                     for number, text in enumerate(lines, 1):
                         self._read(f"{path.name}, line {number}", text)
-            except UnreadableError as error:
+            except files.UnreadableError as error:
                 self.rejected[path.name] = str(error)
 
     def _read(self, name: str, text: bytes) -> None:
         try:
             self._keep(_line(text), name)
-        except UnreadableError as error:
+        except files.UnreadableError as error:
             if text.endswith(b"\n"):  # else it was torn
                 self.rejected[one_line(name)] = str(error)
 
@@ -139,7 +130,7 @@ def writing(out: Path, shard: tuple[int, int] | None = None) -> Iterator[Store]:
     Its lock is the operating system's, which drops it when the process dies.
     """
     name = "trials.jsonl" if shard is None else "trials-{}-of-{}.jsonl".format(*shard)
-    path = writable_folder(out) / name
+    path = files.writable_folder(out) / name
     if path.exists() and not path.is_file():
         raise InputError(f"{path} is in the way of a file of that name: move it away.")
     with path.open("a+b") as file:
@@ -158,13 +149,13 @@ def writing(out: Path, shard: tuple[int, int] | None = None) -> Iterator[Store]:
 def _mend(file: IO[bytes]) -> None:
     """End the last line of a file, or drop it if a process that was killed has torn it."""
     end = file.seek(0, os.SEEK_END)
-    file.seek(max(0, end - MOST_BYTES))
+    file.seek(max(0, end - files.MOST_BYTES))
     last = file.read().rpartition(b"\n")[2]
     try:
         if last:
             _line(last)
             file.write(b"\n")
-    except UnreadableError:
+    except files.UnreadableError:
         file.truncate(end - len(last))
 
 
@@ -176,11 +167,11 @@ def named(canonical: dict[str, Any]) -> str:
 def _line(text: bytes) -> _Line:
     body, mark, crc = text.rstrip(b"\n").rpartition(_CRC)
     if mark and b"%d}" % zlib.crc32(body) != crc:
-        raise UnreadableError("is not as it was written")
+        raise files.UnreadableError("is not as it was written")
     try:
         return _DECODER.decode(text)
     except (msgspec.MsgspecError, RecursionError):  # or a name that is no UTF-8, as Python has it
-        return typed(json_of(text), _Line)
+        return files.typed(files.json_of(text), _Line)
 
 
 def is_empty(folder: Path) -> bool:
@@ -190,7 +181,7 @@ def is_empty(folder: Path) -> bool:
         return path.match("trials*.jsonl") and path.is_file() and path.stat().st_size == 0
 
     try:
-        return all(is_temporary(path) or is_begun(path) for path in folder.iterdir())
+        return all(files.is_temporary(path) or is_begun(path) for path in folder.iterdir())
     except FileNotFoundError:
         return True
     except OSError:  # a file, or not to be read: reported when it is written to
@@ -205,14 +196,14 @@ def own_folder(folder: Path, *names: str) -> Path:
             f"the output folder {folder} holds files, but none of this command's: give a new or "
             "an empty one."
         )
-    return writable_folder(folder)
+    return files.writable_folder(folder)
 
 
 def write_files(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
     """Write files by name, over those of before, each whole or not at all; return their paths."""
     for name, content in contents.items():
-        write_bytes(folder / name, content)
+        files.write_bytes(folder / name, content)
     for path in {(folder / name).parent for name in contents}:
-        for left in filter(is_temporary, path.glob(".*")):  # of a process that was killed
+        for left in filter(files.is_temporary, path.glob(".*")):  # of a process that was killed
             left.unlink(missing_ok=True)
     return [folder / name for name in contents]

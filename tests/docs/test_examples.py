@@ -18,6 +18,8 @@ from training_data import main, recorded
 import localizers
 from benchmarks.checks import check
 from benchmarks.setup.names import scenario
+from benchmarks.setup.overrides import Overrides
+from benchmarks.trials import Trial
 from deqmcl_gym.maps import Office
 from localizers import make
 from localizers.checks import check_localizer, default_robot
@@ -50,6 +52,14 @@ def test_a_filter_of_another_library_keeps_the_laws_of_a_localizer(name):
     pytest.importorskip(FOREIGN[name])
     report = check_localizer(f"{EXAMPLES}/foreign/{name}", default_robot())
     assert report.passed, str(report)
+
+
+def test_the_script_of_the_queues_report_scores_a_trial():
+    scores = runpy.run_path(str(ROOT / "docs/reports/queue/measured.py"))["scores"]
+    few = {"params": Overrides({"particles": 50}), "lag": 3, "seed": 0, "trial": 0}
+    scored = scores(Trial(scenario="paper", localizer="deq-mcl", **few))
+    assert {"error", "past", "future", "future_95"} < scored.keys()
+    assert 0 < scored["error"] < 400
 
 
 @pytest.mark.parametrize("name", WRAPPED)
