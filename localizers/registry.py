@@ -224,4 +224,4 @@ def _parameters_of(factory: Callable[..., Any]) -> Iterator[ParameterWords]:
     for p in listed[1:]:
         if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD):
             words = (m for m in getattr(p.annotation, "__metadata__", ()) if isinstance(m, str))
-            yield ParameterWords(p.name, p.default, next(words, ""))
+            yield ParameterWords(p.name, p.default, "; ".join(words))
