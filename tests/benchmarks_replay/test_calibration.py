@@ -122,8 +122,9 @@ def largest_errors(tmp_path, cells, name, power, **params):
     return found
 
 
-@pytest.mark.parametrize("power", [0.05, 0.02])  # of the two real logs
-@pytest.mark.parametrize(("cells", "off"), [(STRAY, 0.2), (SPECKLED, 1.0)])
+@pytest.mark.parametrize(  # powers are of the two real logs
+    ("cells", "off", "power"), [(STRAY, 0.2, 0.05), (SPECKLED, 1.0, 0.02)]
+)
 def test_cells_not_there_cost_the_papers_charge_but_not_the_default(tmp_path, cells, off, power):
     blind, default, paper = (
         largest_errors(tmp_path, cells, name, power, **params)
