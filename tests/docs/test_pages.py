@@ -40,11 +40,17 @@ LAWS_SHOWN, NODE, FEED, _ = blocks(LOCALIZER, "python notest")
 RECORD, PLAYED = blocks(LOG, "python notest")
 
 
+@pytest.fixture
+def no_films(monkeypatch):
+    monkeypatch.setattr("benchmarks.report.page.animations", lambda *_: ([], ""))
+
+
+@pytest.mark.usefixtures("no_films")
 def test_the_commands_on_a_localizer_work_as_they_stand(here, capsys):
     (commands,) = blocks(LOCALIZER, "sh")
     said = []
     for command in commands.splitlines():
-        fewer = ["--trials", "2"] if command.startswith("deqmcl sweep") else []
+        fewer = ["--trials", "1", "--jobs", "1"] if command.startswith("deqmcl sweep") else []
         assert exit_code(*command.split()[1:], *fewer) == 0, capsys.readouterr().err
         said.append(capsys.readouterr().out)
     _, *then = commands.splitlines()
@@ -85,12 +91,20 @@ def lap(here):
     exec(compile(RECORD, "record", "exec"), {})
 
 
+@pytest.fixture
+def no_pages(monkeypatch):
+    """Commands write no report.html, which would take longer than what it is of."""
+    for module in ("report.page", "robots.replaying"):
+        monkeypatch.setattr(f"benchmarks.{module}.no_report", lambda: "it is left out")
+
+
 def commands(page, *words):
     text = "".join(blocks(page, "sh")).replace("\\\n", "")
     others = "basin", "--mcap", "deqmcl score"
     return [x for x in text.splitlines() if any(w in x for w in words or others) == bool(words)]
 
 
+@pytest.mark.usefixtures("no_pages")
 def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     written(logs.read("lap.csv.gz"), Path("robot.mcap"))
     Path("map.yaml").write_text(Path("hall.yaml").read_text())
@@ -99,7 +113,7 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     Path("nav2_params.yaml").write_text(nav2)
     assert sum(FEWER[0] in command for command in commands(LOG)) == 1
     for command in commands(LOG):
-        words = shlex.split(command.replace(*FEWER))
+        words = shlex.split(re.sub(r"--seeds \d", "--seeds 1", command.replace(*FEWER)))
         assert words[0] == "deqmcl"
         jobs = [] if words[1] == "smooth" else ["--jobs", "1"]
         assert exit_code(*words[1:], *jobs) == 0, capsys.readouterr().err
@@ -119,10 +133,11 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
         Path(name).write_text(blocks(page, "toml")[0])
         assert exit_code("sweep", name, "--dry-run") == 0, capsys.readouterr().err
     called: dict[str, Any] = {}
-    exec(compile(PLAYED, "played", "exec"), called)
+    exec(compile(PLAYED.replace("seeds=2", "seeds=1"), "played", "exec"), called)
     assert list(called["played"].table["localizer"]) == ["mcl", "amcl"]
 
 
+@pytest.mark.usefixtures("no_pages")
 def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
     log = logs.read("lap.csv.gz")
     poses = logs.read_tum("lap.tum").poses
@@ -130,14 +145,16 @@ def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
     rows = [f"{t!r},{x!r},{y!r},{h!r}" for t, (x, y, h) in
             zip(log.times.tolist(), poses.tolist(), strict=True)]  # fmt: skip
     Path("theirs.csv").write_text("\n".join(["time,x,y,heading", *rows]))
-    first = commands(LOG, "--seeds 3")
-    for command in [*first, *commands(TUNE, "deqmcl score")]:
+    (first,) = commands(LOG, "--seeds 3")
+    few = first.replace("--seeds 3", "--seeds 1 --jobs 1")
+    for command in [few, *commands(TUNE, "deqmcl score")]:
         assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
     rows = {row["localizer"]: row for row in lines(Path("results/beside"), "results.csv")}
     assert set(rows) == {"mcl", "amcl", "dead-reckoning", "theirs"}
     assert float(rows["theirs"]["position_median"]) == pytest.approx(math.hypot(0.1, 0.1), abs=1e-6)
 
 
+@pytest.mark.usefixtures("no_pages")
 def test_the_commands_on_classical_localizers_work(lap, capsys):
     for command in commands(CLASSICAL):
         few = command.replace("--trials 10", "--trials 1").replace("=20000 --seeds 2", "=600")
@@ -146,6 +163,7 @@ def test_the_commands_on_classical_localizers_work(lap, capsys):
     assert Path("results/amcl-global/results.csv").is_file()
 
 
+@pytest.mark.usefixtures("no_films")
 def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys):
     (command,) = commands(LOG, "basin")
     few = command.replace("[0,0.5,1,1.5,2,3]", "[0,3]")
@@ -157,9 +175,10 @@ def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys):
     assert "Runs localized to the end" in Path("results/basin/report.html").read_text()
 
 
+@pytest.mark.usefixtures("no_pages")
 def test_what_foxglove_shows_is_what_the_page_says(lap, capsys):
     (command,) = commands(LOG, "--mcap")
-    assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
+    assert exit_code(*shlex.split(command)[1:], "--jobs", "1") == 0, capsys.readouterr().err
     with open("lap.mcap", "rb") as file:
         channels = make_reader(file).get_summary().channels.values()
     topics = {re.sub("^/(mcl-plan-hedged|mcl)/", "/NAME/", one.topic) for one in channels}
@@ -209,11 +228,14 @@ def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):
     assert report.passed, str(report)
 
 
+@pytest.mark.usefixtures("no_pages")
 @pytest.mark.parametrize("page", ["README.md", "docs/quickstart.md"])
 def test_the_commands_to_begin_with_work(page, lap, capsys):
     commands = "".join(blocks((ROOT / page).read_text(), "sh")).replace("map.yaml", "hall.yaml")
     assert ("make paper" in commands) == (page == "README.md")
     for command in re.findall(r"^(?:\.venv/bin/)?deqmcl (.+)", commands, re.MULTILINE):
         words = re.sub(r"--trials \d+", "--trials 1", command).split()
-        fewer = ["--seeds", "1", "--particles", "100"] if words[0] == "replay" else []
+        fewer = ["--set", "params.particles=100"]
+        fewer += [] if words[0] == "run" else ["--jobs", "1"]
+        fewer += ["--seeds", "1"] if words[0] == "replay" else []
         assert exit_code(*words, *fewer) == 0, capsys.readouterr().err

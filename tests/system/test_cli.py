@@ -63,7 +63,7 @@ def test_a_command_and_its_workers_depend_on_no_name_in_the_working_folder(tmp_p
         (tmp_path / name / "__init__.py").touch()
     for name in COMMON:
         (tmp_path / f"{name}.py").write_text("raise SystemExit(f'{__file__} is imported')")
-    sweep = ("sweep", write_small(tmp_path), "--jobs", "2", "--out", "out")
+    sweep = ("sweep", write_small(tmp_path, trials=1), "--jobs", "2", "--out", "out")
     done = process(DEQMCL, *sweep, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "is imported" not in done.stdout + done.stderr
