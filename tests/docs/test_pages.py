@@ -16,6 +16,7 @@ from deqmcl_command import exit_code, lines, python
 from mcap.reader import make_reader
 from test_documents import ROOT
 
+from benchmarks.report import page
 from benchmarks.trials.stage import DISTURBANCES
 from deqmcl_gym import logs
 from localizers import template
@@ -40,13 +41,8 @@ LAWS_SHOWN, NODE, FEED, _ = blocks(LOCALIZER, "python notest")
 RECORD, PLAYED = blocks(LOG, "python notest")
 
 
-@pytest.fixture
-def no_films(monkeypatch):
-    monkeypatch.setattr("benchmarks.report.page.animations", lambda *_: ([], ""))
-
-
-@pytest.mark.usefixtures("no_films")
-def test_the_commands_on_a_localizer_work_as_they_stand(here, capsys):
+def test_the_commands_on_a_localizer_work_as_they_stand(here, capsys, monkeypatch):
+    monkeypatch.setattr(page, "animations", lambda *_: ([], ""))
     (commands,) = blocks(LOCALIZER, "sh")
     said = []
     for command in commands.splitlines():
@@ -87,15 +83,11 @@ def test_the_check_from_python_runs_as_a_file(tmp_path):
 
 
 @pytest.fixture
-def lap(here):
-    exec(compile(RECORD, "record", "exec"), {})
-
-
-@pytest.fixture
-def no_pages(monkeypatch):
-    """Commands write no report.html, which would take longer than what it is of."""
+def lap(here, monkeypatch):
+    """A log; commands write no report, which would take longer than what it is of."""
     for module in ("report.page", "robots.replaying"):
         monkeypatch.setattr(f"benchmarks.{module}.no_report", lambda: "it is left out")
+    exec(compile(RECORD, "record", "exec"), {})
 
 
 def commands(page, *words):
@@ -104,7 +96,6 @@ def commands(page, *words):
     return [x for x in text.splitlines() if any(w in x for w in words or others) == bool(words)]
 
 
-@pytest.mark.usefixtures("no_pages")
 def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     written(logs.read("lap.csv.gz"), Path("robot.mcap"))
     Path("map.yaml").write_text(Path("hall.yaml").read_text())
@@ -129,15 +120,14 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     smoothed, true = logs.read_tum("results/smooth/smoothed.tum"), logs.read_tum("lap.tum")
     off = smoothed.poses - true.poses[np.searchsorted(true.times, smoothed.times)]
     assert np.median(np.hypot(*off[:, :2].T)) < 0.1
-    for name, page in (("starts.toml", LOG), ("known.toml", WRONG)):
-        Path(name).write_text(blocks(page, "toml")[0])
+    for name, text in (("starts.toml", LOG), ("known.toml", WRONG)):
+        Path(name).write_text(blocks(text, "toml")[0])
         assert exit_code("sweep", name, "--dry-run") == 0, capsys.readouterr().err
     called: dict[str, Any] = {}
     exec(compile(PLAYED.replace("seeds=2", "seeds=1"), "played", "exec"), called)
     assert list(called["played"].table["localizer"]) == ["mcl", "amcl"]
 
 
-@pytest.mark.usefixtures("no_pages")
 def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
     log = logs.read("lap.csv.gz")
     poses = logs.read_tum("lap.tum").poses
@@ -145,8 +135,7 @@ def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
     rows = [f"{t!r},{x!r},{y!r},{h!r}" for t, (x, y, h) in
             zip(log.times.tolist(), poses.tolist(), strict=True)]  # fmt: skip
     Path("theirs.csv").write_text("\n".join(["time,x,y,heading", *rows]))
-    (first,) = commands(LOG, "--seeds 3")
-    few = first.replace("--seeds 3", "--seeds 1 --jobs 1")
+    few = commands(LOG, "--seeds 3")[0].replace("--seeds 3", "--seeds 1 --jobs 1")
     for command in [few, *commands(TUNE, "deqmcl score")]:
         assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
     rows = {row["localizer"]: row for row in lines(Path("results/beside"), "results.csv")}
@@ -154,7 +143,6 @@ def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
     assert float(rows["theirs"]["position_median"]) == pytest.approx(math.hypot(0.1, 0.1), abs=1e-6)
 
 
-@pytest.mark.usefixtures("no_pages")
 def test_the_commands_on_classical_localizers_work(lap, capsys):
     for command in commands(CLASSICAL):
         few = command.replace("--trials 10", "--trials 1").replace("=20000 --seeds 2", "=600")
@@ -163,8 +151,9 @@ def test_the_commands_on_classical_localizers_work(lap, capsys):
     assert Path("results/amcl-global/results.csv").is_file()
 
 
-@pytest.mark.usefixtures("no_films")
-def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys):
+def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys, monkeypatch):
+    monkeypatch.setattr(page, "no_report", lambda: None)
+    monkeypatch.setattr(page, "animations", lambda *_: ([], ""))
     (command,) = commands(LOG, "basin")
     few = command.replace("[0,0.5,1,1.5,2,3]", "[0,3]")
     assert few != command
@@ -175,7 +164,6 @@ def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys):
     assert "Runs localized to the end" in Path("results/basin/report.html").read_text()
 
 
-@pytest.mark.usefixtures("no_pages")
 def test_what_foxglove_shows_is_what_the_page_says(lap, capsys):
     (command,) = commands(LOG, "--mcap")
     assert exit_code(*shlex.split(command)[1:], "--jobs", "1") == 0, capsys.readouterr().err
@@ -228,14 +216,12 @@ def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):
     assert report.passed, str(report)
 
 
-@pytest.mark.usefixtures("no_pages")
 @pytest.mark.parametrize("page", ["README.md", "docs/quickstart.md"])
 def test_the_commands_to_begin_with_work(page, lap, capsys):
     commands = "".join(blocks((ROOT / page).read_text(), "sh")).replace("map.yaml", "hall.yaml")
     assert ("make paper" in commands) == (page == "README.md")
     for command in re.findall(r"^(?:\.venv/bin/)?deqmcl (.+)", commands, re.MULTILINE):
         words = re.sub(r"--trials \d+", "--trials 1", command).split()
-        fewer = ["--set", "params.particles=100"]
-        fewer += [] if words[0] == "run" else ["--jobs", "1"]
-        fewer += ["--seeds", "1"] if words[0] == "replay" else []
+        fewer = ["--set", "params.particles=100", *["--jobs", "1"] * (words[0] != "run")]
+        fewer += ["--seeds", "1"] * (words[0] == "replay")
         assert exit_code(*words, *fewer) == 0, capsys.readouterr().err

@@ -226,10 +226,8 @@ def test_folders_of_other_code_or_plug_ins_are_not_pooled(swept, tmp_path, refus
 
 def test_folders_that_stopped_when_they_were_decided_are_not_pooled(swept, tmp_path, refusal):
     until = {"trials": 20, "more": "[until_decided]\nmargin = 0.5\n"}
-    folder = swept("mcl", "dead-reckoning", **until)
-    refusal(
-        ["report", folder, folder, "--out", tmp_path / "pooled"], "until_decided", "fixed number"
-    )
+    one = swept("mcl", "dead-reckoning", **until)
+    refusal(["report", one, one, "--out", tmp_path / "pooled"], "until_decided", "fixed number")
 
 
 def test_folders_not_complete_or_without_an_own_output_are_not_pooled(swept, tmp_path, refusal):
