@@ -16,6 +16,7 @@ from deqmcl_command import exit_code, lines, python
 from mcap.reader import make_reader
 from test_documents import ROOT
 
+from benchmarks.report import page
 from benchmarks.trials.stage import DISTURBANCES
 from deqmcl_gym import logs
 from localizers import template
@@ -40,11 +41,12 @@ LAWS_SHOWN, NODE, FEED, _ = blocks(LOCALIZER, "python notest")
 RECORD, PLAYED = blocks(LOG, "python notest")
 
 
-def test_the_commands_on_a_localizer_work_as_they_stand(here, capsys):
+def test_the_commands_on_a_localizer_work_as_they_stand(here, capsys, monkeypatch):
+    monkeypatch.setattr(page, "animations", lambda *_: ([], ""))
     (commands,) = blocks(LOCALIZER, "sh")
     said = []
     for command in commands.splitlines():
-        fewer = ["--trials", "2"] if command.startswith("deqmcl sweep") else []
+        fewer = ["--trials", "1", "--jobs", "1"] if command.startswith("deqmcl sweep") else []
         assert exit_code(*command.split()[1:], *fewer) == 0, capsys.readouterr().err
         said.append(capsys.readouterr().out)
     _, *then = commands.splitlines()
@@ -81,7 +83,10 @@ def test_the_check_from_python_runs_as_a_file(tmp_path):
 
 
 @pytest.fixture
-def lap(here):
+def lap(here, monkeypatch):
+    """A log; commands write no report, which would take longer than what it is of."""
+    for module in ("report.page", "robots.replaying"):
+        monkeypatch.setattr(f"benchmarks.{module}.no_report", lambda: "it is left out")
     exec(compile(RECORD, "record", "exec"), {})
 
 
@@ -99,7 +104,7 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     Path("nav2_params.yaml").write_text(nav2)
     assert sum(FEWER[0] in command for command in commands(LOG)) == 1
     for command in commands(LOG):
-        words = shlex.split(command.replace(*FEWER))
+        words = shlex.split(re.sub(r"--seeds \d", "--seeds 1", command.replace(*FEWER)))
         assert words[0] == "deqmcl"
         jobs = [] if words[1] == "smooth" else ["--jobs", "1"]
         assert exit_code(*words[1:], *jobs) == 0, capsys.readouterr().err
@@ -115,11 +120,11 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     smoothed, true = logs.read_tum("results/smooth/smoothed.tum"), logs.read_tum("lap.tum")
     off = smoothed.poses - true.poses[np.searchsorted(true.times, smoothed.times)]
     assert np.median(np.hypot(*off[:, :2].T)) < 0.1
-    for name, page in (("starts.toml", LOG), ("known.toml", WRONG)):
-        Path(name).write_text(blocks(page, "toml")[0])
+    for name, text in (("starts.toml", LOG), ("known.toml", WRONG)):
+        Path(name).write_text(blocks(text, "toml")[0])
         assert exit_code("sweep", name, "--dry-run") == 0, capsys.readouterr().err
     called: dict[str, Any] = {}
-    exec(compile(PLAYED, "played", "exec"), called)
+    exec(compile(PLAYED.replace("seeds=2", "seeds=1"), "played", "exec"), called)
     assert list(called["played"].table["localizer"]) == ["mcl", "amcl"]
 
 
@@ -130,8 +135,8 @@ def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
     rows = [f"{t!r},{x!r},{y!r},{h!r}" for t, (x, y, h) in
             zip(log.times.tolist(), poses.tolist(), strict=True)]  # fmt: skip
     Path("theirs.csv").write_text("\n".join(["time,x,y,heading", *rows]))
-    first = commands(LOG, "--seeds 3")
-    for command in [*first, *commands(TUNE, "deqmcl score")]:
+    few = commands(LOG, "--seeds 3")[0].replace("--seeds 3", "--seeds 1 --jobs 1")
+    for command in [few, *commands(TUNE, "deqmcl score")]:
         assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
     rows = {row["localizer"]: row for row in lines(Path("results/beside"), "results.csv")}
     assert set(rows) == {"mcl", "amcl", "dead-reckoning", "theirs"}
@@ -146,7 +151,9 @@ def test_the_commands_on_classical_localizers_work(lap, capsys):
     assert Path("results/amcl-global/results.csv").is_file()
 
 
-def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys):
+def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys, monkeypatch):
+    monkeypatch.setattr(page, "no_report", lambda: None)
+    monkeypatch.setattr(page, "animations", lambda *_: ([], ""))
     (command,) = commands(LOG, "basin")
     few = command.replace("[0,0.5,1,1.5,2,3]", "[0,3]")
     assert few != command
@@ -159,7 +166,7 @@ def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys):
 
 def test_what_foxglove_shows_is_what_the_page_says(lap, capsys):
     (command,) = commands(LOG, "--mcap")
-    assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
+    assert exit_code(*shlex.split(command)[1:], "--jobs", "1") == 0, capsys.readouterr().err
     with open("lap.mcap", "rb") as file:
         channels = make_reader(file).get_summary().channels.values()
     topics = {re.sub("^/(mcl-plan-hedged|mcl)/", "/NAME/", one.topic) for one in channels}
@@ -215,5 +222,6 @@ def test_the_commands_to_begin_with_work(page, lap, capsys):
     assert ("make paper" in commands) == (page == "README.md")
     for command in re.findall(r"^(?:\.venv/bin/)?deqmcl (.+)", commands, re.MULTILINE):
         words = re.sub(r"--trials \d+", "--trials 1", command).split()
-        fewer = ["--seeds", "1", "--particles", "100"] if words[0] == "replay" else []
+        fewer = ["--set", "params.particles=100", *["--jobs", "1"] * (words[0] != "run")]
+        fewer += ["--seeds", "1"] * (words[0] == "replay")
         assert exit_code(*words, *fewer) == 0, capsys.readouterr().err

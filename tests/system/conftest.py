@@ -1,24 +1,22 @@
 """Small runs of ``deqmcl paper``, made once and read by many tests; a small sweep."""
 
+import contextlib
+import io
 import shutil
 from pathlib import Path
 
 import pytest
-from deqmcl_command import DEQMCL, SMALL, exit_code, process
+from deqmcl_command import SMALL, exit_code
 from sweep_command import sweep, write_small
 
 
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory):
-    out = tmp_path_factory.mktemp("two_workers") / "results" / "paper"
-    return process(DEQMCL, *SMALL, "--jobs", "2", "--out", out), out
-
-
-@pytest.fixture(scope="session")
-def one_worker(tmp_path_factory):
-    out = tmp_path_factory.mktemp("one_worker")
-    assert exit_code(*SMALL, "--jobs", "1", "--out", out) == 0
-    return out
+    """What a run by one process has printed; its folder."""
+    out, said = tmp_path_factory.mktemp("small") / "paper", io.StringIO()
+    with contextlib.redirect_stdout(said):
+        assert exit_code(*SMALL, "--jobs", "1", "--out", out) == 0
+    return said.getvalue(), out
 
 
 @pytest.fixture(scope="session")

@@ -57,18 +57,6 @@ def test_python_m_benchmarks_refuses_as_the_main_function_does(tmp_path, capsys)
     assert (done.returncode, done.stdout, done.stderr) == expected
 
 
-def test_a_command_and_its_workers_depend_on_no_name_in_the_working_folder(tmp_path):
-    for name in OURS:
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "__init__.py").touch()
-    for name in COMMON:
-        (tmp_path / f"{name}.py").write_text("raise SystemExit(f'{__file__} is imported')")
-    sweep = ("sweep", write_small(tmp_path), "--jobs", "2", "--out", "out")
-    done = process(DEQMCL, *sweep, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "is imported" not in done.stdout + done.stderr
-
-
 def test_no_env_needs_benchmarks_and_what_hides_localizers_is_named(tmp_path):
     code = "import gymnasium as gym, deqmcl_gym\nprint(gym.make('deqmcl_gym/Track-v0'))"
     (tmp_path / "train.py").write_text(code)
@@ -138,8 +126,7 @@ def test_tab_completes_options_of_a_command(tmp_path):
 
 
 def shell(redirected, *arguments, **how):
-    command = ("bash", "-c", f'"$0" -m benchmarks "$@" {redirected}', sys.executable)
-    return process(*command, *arguments, **how)
+    return process("bash", "-c", f'"$0" "$@" {redirected}', DEQMCL, *arguments, **how)
 
 
 @linux
@@ -153,12 +140,17 @@ def test_a_reader_that_leaves_ends_the_command_quietly():
     assert (done.returncode, done.stdout, done.stderr) == (141, "ok       answers in time\n", "")
 
 
-def test_a_sweep_runs_the_same_whatever_its_streams_are(tmp_path):
-    file, streams = write_small(tmp_path, trials=1), "<&- >&- 2>&-"
-    done = shell(streams, "sweep", file, "--out", tmp_path / "out", "--jobs", "2")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert len(records(tmp_path / "out")) == 2
-    for path in (tmp_path / "out").rglob("*.json*"):
+def test_a_sweep_and_its_workers_need_no_streams_and_no_name_in_the_working_folder(here):
+    for name in OURS:
+        (here / name).mkdir()
+        (here / name / "__init__.py").touch()
+    for name in COMMON:
+        (here / f"{name}.py").write_text("raise SystemExit(f'{__file__} is imported')")
+    file, streams = write_small(here, trials=1), "<&- >&- 2>&-"
+    done = shell(streams, "sweep", file, "--out", "out", "--jobs", "2")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert len(records(here / "out")) == 2
+    for path in (here / "out").rglob("*.json*"):
         assert path.read_text().startswith("{")  # nothing that was printed got into a file
 
 

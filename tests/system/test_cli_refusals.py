@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from deqmcl_command import exit_code, files
-from sweep_command import write_small
+from sweep_command import sweep, write_small
 
 pytestmark = pytest.mark.usefixtures("here")  # where the default of --out is, too
 RUN = ("run", "--localizer", "mcl", "--out", "out")
@@ -173,7 +173,7 @@ def test_a_lap_is_run_again_into_its_folder_beside_a_file_of_the_users(lap):
 @pytest.mark.skipif(os.name == "nt", reason="names there are text")
 def test_a_report_is_written_into_a_folder_whose_name_is_no_text(tmp_path):
     out = os.fsdecode(os.fsencode(tmp_path) + b"/d\xe9")
-    assert exit_code("sweep", write_small(tmp_path, trials=1), "--jobs", "1", "--out", out) == 0
+    assert sweep(write_small(tmp_path, trials=1), out) == 0
     assert exit_code("report", out) == 0
     with open(os.path.join(out, "report.html"), encoding="utf-8") as file:
         assert r"/d\xe9&#39;" in file.read()

@@ -34,13 +34,14 @@ def room(here):
 @pytest.mark.parametrize("page", [PAGE, REPORTS], ids=lambda page: page.stem)
 def test_the_commands_of_a_page_work_as_they_stand_one_after_the_other(room, capsys, page):
     Path("noisy.toml").write_text(NOISY)
-    few = ["--set", "params.particles=10", "--jobs", "1"]
+    few = ["--set", "params.particles=10", "--set", "filter_seeds=1", "--jobs", "1"]
     commands = "".join(re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL))
     with without_report() as patched:
         patched.setattr("benchmarks.report.page.require_report", lambda: None)
         for command in commands.splitlines():
             short = command.replace(" --set params.particles=300", "")
-            words = shlex.split(short.replace("worlds 40", "worlds 20"))
+            fewer = """worlds 20 --set 'localizers=["mcl", "dead-reckoning"]'"""
+            words = shlex.split(short.replace("worlds 40", fewer))
             if words[0] != "deqmcl":
                 subprocess.run(command, shell=True, check=True)
                 continue
@@ -61,7 +62,7 @@ def test_run_takes_it(room, capsys, text, method):
 
 
 def test_paper_takes_it_from_any_folder_until_it_is_edited(room, monkeypatch, ran, refusal):
-    given = (*FEW[2:], "--localizers", "mcl,deq-mcl", "--trials", "1", "--jobs", "1")
+    given = (*FEW[2:], "--localizers", "mcl,dead-reckoning", "--trials", "1", "--jobs", "1")
     (room.parent / "elsewhere").mkdir()
     with without_report():
         assert exit_code("paper", *FEW[:2], *given, "--out", "one") == 0

@@ -187,7 +187,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path
 
 def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, refusal, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(engines, "CONNECT_SECONDS", 1)
+    monkeypatch.setattr(engines, "CONNECT_SECONDS", 0.1)
     given = ("--out", tmp_path / "out", "--dask", "tcp://127.0.0.1:9")
     said = "deqmcl: the Dask scheduler 'tcp://127.0.0.1:9' cannot be reached"
     refusal(["sweep", write_small(tmp_path, trials=1), *given], said)
