@@ -11,7 +11,7 @@ from sweep_command import sweep, write_hostile, write_small
 
 NAME = "./hostile.py:Hostile"
 FATAL = [
-    ("hang", "update", "no result within 2 s: its worker (process "),
+    ("hang", "update", "no result within 4 s: its worker (process "),
     ("end", "reset", "lost 3 times by its worker; last: WorkerDiedError: its worker died"),
     ("exit", "points", "SystemExit: 0"),
     ("interrupt", "update", "KeyboardInterrupt"),
@@ -32,7 +32,7 @@ def trials_in(folder):
 @pytest.mark.parametrize(("what", "when", "why"), FATAL)
 def test_a_plug_in_that_ends_or_hangs_fails_its_own_trials(here, capfd, what, when, why):
     write_hostile(here, what, when)
-    assert small_sweep(here, Path("out"), 2 if what == "hang" else 60) == 3
+    assert small_sweep(here, Path("out"), 4 if what == "hang" else 60) == 3
     said = capfd.readouterr().err
     kept = "deqmcl: 1 of 3 trials failed, the rest is kept; first:"
     assert said.startswith(f"{kept} hostile.py:Hostile, trial 0: {why}")
