@@ -20,14 +20,14 @@ from localizers.models.motion import increments
 LAG, PARTICLES, SEED = 4, 30, 11
 OFFSETS = (0, -LAG, LAG)
 RNG = np.random.default_rng(0)
-# Where the belief drives, every method has a path of its own; those after lost and driving differ
-# from them in numbers; a log must be named first.
+# Where the belief drives, every method has a path of its own; those left out by their beginning
+# differ from others in numbers; a log must be named first.
 BLINDLY_DRIVEN = [
     name
     for name in SCENARIOS
     if name not in ("log", "log-short", "replay")  # they need files
     and scenario(name).agent.name in ("open-loop", "stale")
-    and not name.startswith(("lost-", "driving-"))
+    and not name.startswith(("lost-", "driving-", "wrong-map-", "guided-before"))
 ]
 
 

@@ -20,7 +20,7 @@ RIGHT_ANGLE = math.pi / 2
 WORLD = """world = { log = "lap.csv", map = "hall.yaml", reference = "lap.tum", segment = 2.0 }
 """
 FEW = f"""base = "basin"
-trials = 3
+trials = 2
 {WORLD}
 [[vary]]
 assumed.prior.distance = [0.0, 0.8, 1.2]

@@ -75,7 +75,6 @@ def test_a_fitted_power_is_as_exact_as_any_and_what_is_published_is_honest_on_th
     judged = judged_after_part(replay)
     fitted = with_fitted_power(judged)
     assert judged.scenario.judged == fitted.scenario.judged == math.ceil(PART * len(replay.log))
-    assert with_fitted_power(judged) == fitted  # whenever it is made
     assert fitted.assumed == replay.assumed | {"scan.power": fitted.scenario.scan.power}
     believed, sharp, best = map(published, (replay, judged, fitted))
     assert believed["coverage_95"] < 0.6
@@ -103,7 +102,7 @@ def test_without_enough_of_a_reference_the_power_stays(replay, folder):
 
 
 def largest_errors(tmp_path, cells, name, power, **params):
-    """Of each of two runs on a hall with these cells occupied on the map, but not in the hall."""
+    """Of a run on a hall with these cells occupied on the map, but not in the hall."""
     occupancy = hall().occupancy.copy()
     occupancy[tuple(np.transpose(cells))] = 100
     GridMap(occupancy=occupancy, resolution=0.05).save(tmp_path / "hall.yaml")
@@ -111,7 +110,7 @@ def largest_errors(tmp_path, cells, name, power, **params):
     told = EVERY | {"assumed.scan.power": power}
     replay = replay_of(tmp_path / "log.npz", tmp_path / "hall.yaml", settings=told)
     own = {name: params}
-    sweep = replay_sweep(replay, methods_of([name], 1000, own), 2, 1)
+    sweep = replay_sweep(replay, methods_of([name], 1000, own), 1, 1)
     found = []
     for trial in sweep.distinct():
         stage = Stage.of(trial)
