@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, reduce
-from importlib.metadata import entry_points
+from importlib.metadata import distributions
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Self
@@ -213,12 +213,15 @@ class Kind:
             raise InputError(f"the {self.word} {name!r} cannot be {how}: {words}.") from error
 
 
-@cache
+@cache  # by sys.path, too, which may change while a notebook runs
 def _entry_points(group: str, path: tuple[str, ...]) -> dict[str, str]:
     """Return references by name; if several packages have a name, that of the first."""
-    del path
-    entries = list(entry_points(group=group))
-    return {entry.name: entry.value.partition("[")[0].strip() for entry in reversed(entries)}
+    found: dict[str, str] = {}
+    for package in distributions():
+        with contextlib.suppress(Exception):  # whatever is wrong with a file of somebody else's
+            entries = package.entry_points.select(group=group)
+            found = {e.name: e.value.partition("[")[0].strip() for e in entries if e.name} | found
+    return found
 
 
 def parameters_of(

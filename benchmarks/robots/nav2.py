@@ -254,13 +254,20 @@ def _fitting(name: str, patterns: Iterable[str]) -> list[str]:
 
 
 def _node_named(nodes: _Nodes, path: Path, asked: str | None) -> str:
-    """Return the node asked for, or the only amcl, or the one without a namespace."""
+    """Return the node asked for, or the only amcl, or the shortest that most wildcards fit."""
     filters = [name for name in nodes if name.endswith("/amcl") and "*" not in name]
     if asked is not None:
         name = f"/{asked.strip('/')}"
         likely = name.endswith("/amcl") or not filters  # a typing error would fit "/**", too
         return name if likely and _fitting(name, nodes) else one_of(f"node of {path}", name, nodes)
-    filters = filters or (["/amcl"] if _fitting("/amcl", nodes) else [])
+    if not filters:
+        most: dict[str, int] = {}
+        for pattern in nodes:
+            at = pattern.replace("/**", "")
+            names = at, f"{at.removesuffix('/*')}/amcl"
+            shortest = [n for n in names if n.endswith("/amcl") and _fitting(n, [pattern])][:1]
+            most |= {name: len(_fitting(name, nodes)) for name in shortest}
+        filters = [name for name, count in most.items() if count == max(most.values())]
     if len(filters) == 1:
         return filters[0]
     listed = ", ".join(nodes) or "none at all: is it of ROS 1?"

@@ -339,11 +339,13 @@ class Search:
                 self._refuse_default(segments[segment], run)
 
     def _refuse_default(self, segment: Segment, run: int) -> None:
-        failure = self.store.failure(self.now.key(self.task.trial(NOTHING, segment, run)))
-        why = failure or f"it has no {self.task.score}"
+        task, where = self.task, f"on the segment at {segment.begins:.1f} s"
+        default = f"the default of {task.localizer}"
+        why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
+        if why is None:
+            raise InputError(f"{default} has no {task.score} {where}: choose another --score.")
         raise TrialsFailedError(
-            f"the default of {self.task.localizer} failed on the segment at {segment.begins:.1f} "
-            f"s: {why.rstrip('.')}. --retry-failed runs it again."
+            f"{default} failed {where}: {why.rstrip('.')}. --retry-failed runs it again."
         )
 
     def _runs(

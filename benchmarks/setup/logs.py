@@ -152,8 +152,7 @@ def _arguments(env: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]
 
 @lru_cache(maxsize=4)
 def _whole(env: Overrides, digests: str) -> Log:
-    """Return all records of a log, read once for all trials of a process."""
-    del digests  # a file that was changed is read again
+    """Return all records of a log, read once for all trials, and again if a file has changed."""
     return log_of(*(env.get(name) for name in _READ))
 
 

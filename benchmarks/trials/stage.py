@@ -145,21 +145,16 @@ class Stage:
 
 def check_trials(trials: Iterable[Trial]) -> None:
     """Build each world, what its filters assume, its agent, and each localizer there, once."""
-    seen: set[str] = set()
-    stage, last = None, ""
+    worlds: dict[str, dict[str, Trial]] = {}  # trials by method, by setting and agent
     for trial in trials:
-        setting = trial.scenario, trial.world, trial.assumed, trial.disturbance
-        driven = repr((setting, trial.agent))
-        method = repr((setting, trial.localizer, trial.params))
-        stage, last = stage if driven == last else None, driven
-        if {driven, method} <= seen:
-            continue
-        stage = stage or Stage.of(trial)
-        if driven not in seen:
-            stage.check()
-        if method not in seen:
+        setting = trial.scenario, trial.world, trial.assumed, trial.disturbance, trial.agent
+        methods = worlds.setdefault(repr(setting), {})
+        methods.setdefault(repr((trial.localizer, trial.params)), trial)
+    for methods in worlds.values():
+        stage = Stage.of(next(iter(methods.values())))
+        stage.check()
+        for trial in methods.values():
             make(trial.localizer, stage.robot, **trial.params)
-        seen |= {driven, method}
 
 
 def _errors_name(scenario_name: str) -> AbstractContextManager[None]:
@@ -233,7 +228,6 @@ class Outcome:
 @lru_cache(maxsize=2)
 def _driven(episode: Trial, key: str) -> Drive | None:
     """Return what is driven once for all methods; its ``key`` names all that it depends on."""
-    del key
     return Stage.of(episode).driven()
 
 

@@ -24,8 +24,6 @@ from localizers.models.nav2_motion import moved
 from localizers.models.scan import Scan, ScanModel
 
 SPREAD = 10  # times the particles, while a cloud is wide
-
-
 Filtered = list[tuple[States, Weights]]  # what a filter believes after each scan o_0 … o_T
 
 
@@ -61,26 +59,6 @@ def forward(
         clouds.append((states, weights))
         states = states.take(pointed_at(weights, pointers + rng.random() / most), axis=1)
     return clouds, evidence
-
-
-def backward(
-    clouds: Filtered,
-    motion: "GaussianMotion",
-    actions: Floats,
-    count: int,
-    rng: np.random.Generator,
-) -> States:
-    """Draw so many whole paths, (T + 1, d, count)."""
-    paths = list[States]()
-    for t, (states, weights) in reversed(list(enumerate(clouds))):
-        densities = np.ones((count, weights.size))
-        if paths:
-            densities = motion.density(states, paths[-1], actions[t])
-        cumulative = np.cumsum(weights * densities, axis=1)
-        goals = rng.random((count, 1)) * cumulative[:, -1:]
-        chosen = (cumulative <= goals).sum(axis=1).clip(max=weights.size - 1)
-        paths.append(states.take(chosen, axis=1))
-    return np.stack(paths[::-1])
 
 
 _DRAWS = 10_000  # of the other model, for its spread
@@ -154,3 +132,19 @@ def _fill_densities(
         for i in range(n):
             far = exp64(along[i] / (_FARTHER * _FARTHER))
             out[j, i] = exp64(rest[i]) * (usual * exp64(along[i]) + slipped * far)
+
+
+def backward(
+    clouds: Filtered, motion: GaussianMotion, actions: Floats, count: int, rng: np.random.Generator
+) -> States:
+    """Draw so many whole paths, (T + 1, d, count)."""
+    paths = list[States]()
+    for t, (states, weights) in reversed(list(enumerate(clouds))):
+        densities = np.ones((count, weights.size))
+        if paths:
+            densities = motion.density(states, paths[-1], actions[t])
+        cumulative = np.cumsum(weights * densities, axis=1)
+        goals = rng.random((count, 1)) * cumulative[:, -1:]
+        chosen = (cumulative <= goals).sum(axis=1).clip(max=weights.size - 1)
+        paths.append(states.take(chosen, axis=1))
+    return np.stack(paths[::-1])

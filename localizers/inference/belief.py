@@ -90,7 +90,8 @@ class Queue(NamedTuple):
         index = self.present + offset
         if not 0 <= index < len(self.slots):
             return None
-        return self.held(index).copy()
+        states = self.held(index)
+        return states.copy() if states is self.slots[index] else states
 
     def held(self, index: int) -> States:
         """Return the states of slot ``index``, (d, n); read-only, as they may be the queue's."""
@@ -240,7 +241,7 @@ class ParticleBelief(_Cloud):
         if offset > 0 and self.foreseen is not None:
             states = self.foreseen(offset)
         else:
-            held = 0 <= self.queue.present + offset < len(self.queue.slots)
+            held = 0 <= self.queue.present + offset < len(self.queue.slots)  # a call less, if not
             states = self.queue.at(offset) if held else None
         return None if states is None else (states.T, self.weights.copy())
 

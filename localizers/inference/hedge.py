@@ -252,9 +252,10 @@ def hedged(
     ``amcl`` have it. Particles of a built-in A are re-seeded from B; a plug-in's are not. Only A is
     shown plans; for the numbers see ``Hedge``.
     """
-    members = [
-        member.filter if isinstance(member, FilterLocalizer) else Plugged(member)
-        for member in (advised, protected)
-    ]
-    how: Any = {"switching": switching, "trust": trust, "mutual": mutual, "own_plans": own_plans}
-    return FilterLocalizer(robot, Hedge(advised=members[0], protected=members[1], **how))
+    both = advised, protected
+    members = [m.filter if isinstance(m, FilterLocalizer) else Plugged(m) for m in both]
+    hedge = Hedge(
+        advised=members[0], protected=members[1], switching=switching, trust=trust, mutual=mutual,
+        own_plans=own_plans,
+    )  # fmt: skip
+    return FilterLocalizer(robot, hedge)

@@ -95,7 +95,7 @@ class Averages:
 
     def __post_init__(self) -> None:
         number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
-        what = "recovery_alpha_fast, not below recovery_alpha_slow,"
+        what = "recovery_alpha_fast (at least recovery_alpha_slow)"
         number(what, self.alpha_fast, low=self.alpha_slow, high=1)
 
     @property

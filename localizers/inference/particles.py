@@ -296,7 +296,7 @@ class KldSampling:
 
     def __post_init__(self) -> None:
         integer("max_particles", self.most, low=1)
-        integer("min_particles, at most max_particles,", self.least, low=1, high=self.most)
+        integer("min_particles (at most max_particles)", self.least, low=1, high=self.most)
         number("pf_err", self.error, low=0, above=True)
         number("pf_z", self.quantile)
 

@@ -154,7 +154,7 @@ class AdaptiveLocalizer:
             now,
             belief=cloud,
             averages=replace(now.averages, slow=0.0, fast=0.0) if share > 0 else now.averages,
-            converged=float(off.max()) * (1 / metre(self.robot.floor_plan.unit)) <= 0.5,  # m: pf.c
+            converged=float(off.max()) <= 0.5 * metre(self.robot.floor_plan.unit),  # pf.c
         )
 
 

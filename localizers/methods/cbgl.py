@@ -158,8 +158,8 @@ def cbgl(
     """
     px = pixel(robot.floor_plan.unit)
     poses = integer("poses", poses, low=1, high=MAX_PARTICLES)
-    matched = integer("matched, of the poses that are drawn,", matched, low=1, high=poses)
-    modes = integer("modes, of the poses that are matched,", modes, low=1, high=matched)
+    matched = integer("matched (of the poses that are drawn)", matched, low=1, high=poses)
+    modes = integer("modes (of the poses that are matched)", modes, low=1, high=matched)
     error = AbsoluteError(floor_plan=robot.floor_plan, lidar=robot.lidar, radius=robot.radius)
     return FirstFix(
         tracker=mcl_map.build(robot, shared),

@@ -106,7 +106,7 @@ class Shared:
             floor_plan=robot.floor_plan,
             radius=robot.radius,
             inflation_radius=self.inflation_radius,
-            cost_scaling_factor=self.cost_scaling_factor,  # type: ignore[arg-type]
+            cost_scaling_factor=self.cost_scaling_factor,
             beta=robot.beta if self.beta is None else self.beta,
         )
 

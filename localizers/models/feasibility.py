@@ -78,28 +78,27 @@ class CostMap:
     radius: float  # of the robot's disc, Nav2's inscribed radius
     inflation_radius: float | None = None  # at least ``radius``; None: only a collision costs
     #: per unit of length; None is Nav2's 10 / m, 0.2 / px
-    cost_scaling_factor: float = None  # type: ignore[assignment]
+    cost_scaling_factor: float | None = None
     beta: float = 10.0
 
     def __post_init__(self) -> None:
         number("beta", self.beta, low=0, finite=False)
-        if self.inflation_radius is None:
-            return
-        what = "inflation_radius, from a wall to the robot's centre,"
-        number(what, self.inflation_radius, low=self.radius)
-        if self.cost_scaling_factor is None:
-            object.__setattr__(self, "cost_scaling_factor", 10.0 / metre(self.floor_plan.unit))
-        number("cost_scaling_factor", self.cost_scaling_factor, low=0)
+        if self.inflation_radius is not None:
+            what = "inflation_radius (from a wall to the robot's centre)"
+            number(what, self.inflation_radius, low=self.radius)
+        if self.cost_scaling_factor is not None:
+            number("cost_scaling_factor", self.cost_scaling_factor, low=0)
 
     def log_g(self, before: Singles, after: Singles) -> Floats:
         """-β cost of each step, (n,)."""
         collides = self.floor_plan.collides(before.T, after.T, self.radius)
         if self.inflation_radius is None:
             return np.where(collides, -self.beta, 0.0)
+        usual, told = 10.0 / metre(self.floor_plan.unit), self.cost_scaling_factor
         distance = self.floor_plan.distance(after[:2].T).astype(np.float64)
         beyond = np.maximum(distance - self.radius, 0.0)
         near = (distance > self.radius) & (distance <= self.inflation_radius)
-        cost = np.where(near, arrays.exp(-self.cost_scaling_factor * beyond), 0.0)
+        cost = np.where(near, arrays.exp(-(usual if told is None else told) * beyond), 0.0)
         cost[collides] = 1.0
         charge = np.zeros(cost.size)
         return np.multiply(cost, -self.beta, out=charge, where=cost > 0.0)  # -inf · 0 is no charge

@@ -205,9 +205,9 @@ class LikelihoodField:
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log w of each pose (3, n) of the robot for a scan, (n,)."""
-        edge = self.table.frame[-1]
+        edge, metres = self.table.frame[-1], 1 / metre(self.floor_plan.unit)
         cut, scale = (self.farthest / edge) ** 2, -0.5 * (edge / self.sigma) ** 2
-        rand = self.rand / (self.lidar.max_range * (1 / metre(self.floor_plan.unit)))
+        rand = self.rand / (self.lidar.max_range * metres)
 
         def weighed(some: Singles) -> Floats:
             out, squares = np.zeros(some.shape[1]), self.squares(some, scan.ranges)

@@ -21,6 +21,7 @@ from localizers.registry import LOCALIZER
 from localizers.template import MyLocalizer
 
 BUILT_IN = localizers.names()
+MALFORMED = (b"[deqmcl.localizers]\nno equals sign\n = pack.good:Mine\n", b"no section\n", b"\xff")
 OF_OTHERS = ("other.bin", "table.bin", "other.py", "__pycache__/alone.cpython-311.pyc")
 OF_PACKAGE = ("weights.npz", "deep/er/w.bin", "torn.py")
 
@@ -194,6 +195,16 @@ def test_a_broken_entry_point_breaks_only_its_own_use(module, install, value):
     assert {"broken", "mcl"} <= set(localizers.names())
     with refused("broken"):
         localizers.resolve("broken")
+
+
+@pytest.mark.parametrize("text", MALFORMED)
+def test_malformed_entry_points_of_one_package_hide_no_other(module, install, tmp_path, text):
+    install("theirs = pack.good:Mine")
+    install("", "malformed")
+    (tmp_path / "site-malformed" / "malformed-1.0.dist-info" / "entry_points.txt").write_bytes(text)
+    (tmp_path / "site-malformed" / "nameless.dist-info").mkdir()
+    assert localizers.names()[-1] == "theirs"
+    localizers.resolve("theirs")
 
 
 @pytest.mark.parametrize("other", ["", "class Other:\n    pass\n\n", "def _other(robot): ...\n"])
