@@ -19,8 +19,8 @@ setup: $(READY)  ## Make .venv and install into it
 paper: $(READY)  ## Run the paper's experiment into results/paper (more arguments: ARGS="--trials 20")
 	$(BIN)/deqmcl paper $(ARGS)
 
-test: $(READY)  ## Run the tests, without those of minutes
-	$(BIN)/python -m pytest -m "not slow" -n auto --durations=25 $(ARGS)
+test: $(READY)  ## Run the tests, without those of minutes and of the documents
+	$(BIN)/python -m pytest -m "not slow" -n auto --durations=25 --ignore=tests/docs $(ARGS)
 
 test-slow: $(READY)  ## Run the tests of minutes: statistics, random faults
 	$(BIN)/python -m pytest -m slow -n auto $(ARGS)
@@ -46,8 +46,9 @@ types: $(READY)  ## Check the types
 contracts: $(READY)  ## Check who may import whom
 	$(BIN)/lint-imports
 
-docs: $(READY)  ## Run the code of README and docs
+docs: $(READY)  ## Run the code and the commands of README and docs
 	$(BIN)/python -m pytest --markdown-docs -m markdown-docs --ignore=docs/gallery README.md docs
+	$(BIN)/python -m pytest -m "not slow" -n auto tests/docs
 
 tables: $(READY)  ## Write the tables of README and docs from the reports and the code
 	$(BIN)/python -m docs.tables

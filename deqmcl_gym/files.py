@@ -128,27 +128,28 @@ def yaml_of(content: bytes, build: Callable[[Any], Any] | None = None) -> Any:
     """Return the content of a YAML file, made by ``build`` of PyYAML's node if that is given."""
     import yaml
 
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast, if it is there
     try:
         text = content.decode("utf-8-sig")
         depth = 0
-        for event in yaml.parse(text):
+        for event in yaml.parse(text, loader):
             if isinstance(event, yaml.AliasEvent):
                 raise UnreadableError("has an alias, which is not taken (write its values out)")
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEEPEST:
                 raise UnreadableError("is nested too deeply")
-        node = yaml.compose(text)
+        node = yaml.compose(text, loader)
         if build is not None:
             return build(node)
         if isinstance(node, yaml.MappingNode):
             for key, count in Counter(key.value for key, _ in node.value).items():
                 if count > 1:
                     raise UnreadableError(f"has the key {key!r} twice")
-        return yaml.safe_load(text)
+        return yaml.load(text, loader)
     except UnreadableError:
         raise
-    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, a 13th month
+    except (yaml.YAMLError, TypeError, ValueError) as error:  # not UTF-8, a 13th month
         raise UnreadableError(f"is not YAML: {' '.join(str(error).split()).rstrip('.')}") from None
 
 

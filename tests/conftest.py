@@ -3,6 +3,7 @@
 Generated cases are the same in every run; ``--hypothesis-profile=many`` tries 500 new ones each.
 """
 
+import gc
 import re
 
 import pytest
@@ -18,6 +19,10 @@ patient = settings(database=None, deadline=None, suppress_health_check=[HealthCh
 settings.register_profile("few", patient, max_examples=25, derandomize=True)
 settings.register_profile("many", patient, max_examples=500)
 settings.load_profile("few")
+
+
+def pytest_collection_finish():
+    gc.freeze()  # what was collected is not searched whenever a law is tried
 
 
 @pytest.fixture(autouse=True)

@@ -121,18 +121,18 @@ def plug_in_labels(panel: Panel) -> set[str]:
 def _plug_ins(panel: Panel, winner: Any) -> list[Any]:
     """The plug-ins of which the verdict on the winner says nothing."""
     rows, mentioned = panel.ranked, {winner.label, *panel.present.query("is_baseline")["label"]}
-    return [*rows[rows["label"].isin(plug_in_labels(panel) - mentioned)].itertuples()]
+    rows = rows[rows["label"].isin(plug_in_labels(panel) - mentioned)]
+    return [row for _, row in rows.iterrows()]
 
 
 def _winner(ranked: pd.DataFrame) -> Any:
     """The first of those that are better than their baseline; where none is, the first."""
     better = ranked[ranked["relation"] == "better"]
-    return next(iter((better if len(better) else ranked).itertuples()))
+    return (better if len(better) else ranked).iloc[0]
 
 
 def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
-    first: Any = next(iter(ranked.itertuples()))
-    row = _winner(ranked)
+    first, row = ranked.iloc[0], _winner(ranked)
     reached = _reached(panel, row)
     if row.relation == "better":
         sentence = f"{row.label} is best: {reached}, {_ahead(panel, row)}"
@@ -150,7 +150,7 @@ def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
     ahead = f"first is {row.label}, {reached}, {_ahead(panel, row)}"
     if isinstance(row.decision, str):
         return f"No method is shown to be better than {row.reference}: {ahead}."
-    base = next(r for r in panel.ranked.itertuples() if r.label == row.reference)
+    base = panel.ranked[panel.ranked["label"] == row.reference].iloc[0]
     doubt = f"p = {p_value(row.p)}"
     if stats.least_p(row.paired_worlds, panel.tests) >= ALPHA:
         doubt = (
@@ -211,8 +211,8 @@ def _on_a_log(panel: Panel) -> str:
     low, high = rows[f"{score}_diff_low"], rows[f"{score}_diff_high"]
     clear = rows[((low > 0) | (high < 0)) & (rows[f"{score}_p_holm"] < ALPHA)]
     if len(clear):
-        near: Any = next(iter(clear.itertuples()))
-        diff = Interval(*(getattr(near, f"{score}_diff{end}") for end in ("", "_low", "_high")))
+        near = clear.iloc[0]
+        diff = Interval(*(near[f"{score}_diff{end}"] for end in ("", "_low", "_high")))
         first = near.label if diff.mean < 0 else near.reference
         errors = rows[["label", score]].itertuples(index=False)
         listed = ", ".join(f"{label} {error:.3f} m" for label, error in errors)
@@ -220,7 +220,7 @@ def _on_a_log(panel: Panel) -> str:
             f"{first} is nearest to the reference: median position error of a run, mean over runs: "
             f"{listed}; {near.label} - {near.reference}: "
             f"{estimated(diff, '+.3f', ' m')}, p (Holm) "
-            f"{p_value(getattr(near, f'{score}_p_holm'))}. The share of runs that are localized to "
+            f"{p_value(near[f'{score}_p_holm'])}. The share of runs that are localized to "
             "the end separates no methods."
         )
     held = {}

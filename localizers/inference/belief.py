@@ -297,11 +297,7 @@ class ParticleBelief(_Cloud):
         return self._replace(queue=Queue.of(states), log_weights=log_weights)
 
     def scanned(
-        self,
-        scan: Scan,
-        log_likelihood: LogWeights,
-        most: int,
-        power: float = 1.0,
+        self, scan: Scan, log_likelihood: LogWeights, most: int, power: float = 1.0
     ) -> "ParticleBelief":
         """Weight by a scan of log-likelihoods (n,); record how well this belief predicted it.
 

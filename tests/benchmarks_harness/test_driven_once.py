@@ -62,8 +62,7 @@ def test_methods_see_the_very_arrays_and_have_the_records_of_each_alone(world, d
             assert a.action is b.action
     for trial, record in zip(asked, after_others, strict=True):
         _driven.cache_clear()
-        alone = attempt(trial, key_of(trial)).record
-        assert alone == record
+        assert attempt(trial, key_of(trial)).record == record
         stage = Stage.of(trial)
         live = stage.trace()  # the robot drives while the localizer follows
         assert recorded(live) == record

@@ -99,6 +99,7 @@ class Vandal:
 
     def spoil(self, *more):
         self.given += more
+        del self.given[3:-30]  # not robot, prior and plan
         seen, waiting = set(), [*self.given]
         while waiting:
             thing = waiting.pop()

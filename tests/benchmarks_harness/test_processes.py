@@ -58,8 +58,7 @@ def test_a_process_that_dies_fails_its_own_call_and_the_next_call_gets_a_new_one
     before = pool.submit(calls.pid).result()
     with pytest.raises(WorkerDiedError, match=f"its worker died {how}"):
         pool.submit(end).result()
-    after = pool.submit(calls.pid).result()
-    assert after != before
+    assert pool.submit(calls.pid).result() != before
     assert gone([before])
 
 

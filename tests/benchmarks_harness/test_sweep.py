@@ -160,8 +160,7 @@ class Nearly(Sure):
 
 
 @pytest.mark.parametrize(
-    ("agent", "off", "fails"),
-    [("wall-follower", 2e-3, True), ("greedy", 9e-4, False)],
+    ("agent", "off", "fails"), [("wall-follower", 2e-3, True), ("greedy", 9e-4, False)]
 )
 def test_weights_add_up_to_1_or_not_whoever_drives(tmp_path, monkeypatch, agent, off, fails):
     monkeypatch.setattr(Nearly, "OFF", off)

@@ -126,7 +126,7 @@ BAD = [
     ("update_min_a: 0.2", "update_min_a: 11.5", "update_min_a is 11.5"),  # degrees
     ("bt_navigator", "/robot2/amcl", "2 nodes of AMCL, /amcl, /robot2/amcl: choose one by --node"),
     ("use_sim_time: True", "use_sim_time: [", "is not YAML"),
-    ("use_sim_time: True", "use_sim_time: " + "[" * 9000, "is nested too deeply"),
+    ("use_sim_time: True", "use_sim_time: " + "[" * 900, "is nested too deeply"),
 ]
 
 

@@ -34,7 +34,8 @@ def assert_same(ours, theirs, near=TO_THE_BIT, what="the step") -> None:
                 assert_same(one, other, near, what)
     else:
         assert (ours.dtype, ours.shape) == (theirs.dtype, theirs.shape), what
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=near.get(what, 0), err_msg=what)
+        if ours.tobytes() != theirs.tobytes():
+            np.testing.assert_allclose(ours, theirs, rtol=0, atol=near.get(what, 0), err_msg=what)
 
 
 def run_beside(envs, steps, planned, seed, near=TO_THE_BIT) -> tuple[int, int]:

@@ -110,8 +110,7 @@ def test_spaces_are_the_documented_boxes():
 
 
 @pytest.mark.parametrize(
-    ("context", "world"),
-    [("fork", {}), ("spawn", {"preset": "guided"}), ("spawn", OTHERWISE)],
+    ("context", "world"), [("fork", {}), ("spawn", {"preset": "guided"}), ("spawn", OTHERWISE)]
 )
 def test_rooms_in_processes_of_their_own_say_what_rooms_in_this_one_say(context, world):
     """Each hashes strings otherwise, and has imported nothing of ours before."""

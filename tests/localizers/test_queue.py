@@ -11,7 +11,7 @@ from localizers.models.motion import increments
 T = 12
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(20))
 def test_a_random_program_gives_the_states_of_a_list_that_is_copied_as_a_whole(seed):
     rng = np.random.default_rng(seed)
     n, past = int(rng.integers(1, 9)), int(rng.integers(0, 6))
@@ -86,8 +86,7 @@ def test_a_plan_that_is_cut_and_grows_again_is_followed_and_the_cut_is_counted(r
     plans = [actions[t:] for t in range(T + 1)]
     plans[4], plans[5] = actions[4:5], actions[5:5]
     beliefs = follow(deq(robot, 5), prior, drive, plans=plans)
-    ahead = [held(belief)[-1] for belief in beliefs]
-    assert ahead == [5, 5, 5, 5, 1, 0, 5, 5, 4, 3, 2, 1, 0]
+    assert [held(belief)[-1] for belief in beliefs] == [5, 5, 5, 5, 1, 0, 5, 5, 4, 3, 2, 1, 0]
     # at 4 four queued steps are dropped; at 5 the queue has no more than was carried out
     assert [belief.events.replanned_steps for belief in beliefs] == [0] * 4 + [1] * 9
 

@@ -97,8 +97,7 @@ def estimates(lap, given, **counted):
     """The last estimate of a tracker that was given messages, if it counted as it should."""
     tracker = begun(tracker_of(lap), lap[1])
     fed(tracker, given)
-    counts = {name: getattr(tracker.counts, name) for name in counted}
-    assert counts == counted
+    assert {name: getattr(tracker.counts, name) for name in counted} == counted
     return tracker.at()
 
 
