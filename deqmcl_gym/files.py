@@ -143,13 +143,13 @@ def yaml_of(content: bytes, build: Callable[[Any], Any] | None = None) -> Any:
         if build is not None:
             return build(node)
         if isinstance(node, yaml.MappingNode):
-            for key, count in Counter(key.value for key, _ in node.value).items():
+            for key, count in Counter(str(key.value) for key, _ in node.value).items():
                 if count > 1:
                     raise UnreadableError(f"has the key {key!r} twice")
         return yaml.load(text, loader)
     except UnreadableError:
         raise
-    except (yaml.YAMLError, TypeError, ValueError) as error:  # not UTF-8, a 13th month
+    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, a 13th month
         raise UnreadableError(f"is not YAML: {' '.join(str(error).split()).rstrip('.')}") from None
 
 

@@ -146,6 +146,7 @@ BROKEN = {
     "occupied_thresh is 65, but must be a number above 0 to 1": {"occupied": 65},
     "is not YAML": {"more": "mode: [trinary"},
     "has the key 'resolution' twice": {"more": "resolution: 0.5"},
+    "found unhashable key": {"more": "? [1]\n: 2"},
     "has an alias, which is not taken": {"more": "a: &a [1]\nb: [*a, *a]"},
     "is nested too deeply": {"more": "a: " + "[" * 900 + "]" * 900},
     "has 2x2 pixels of mode F": {"image": b"Pf\n2 2\n-1\n" + bytes(16)},
