@@ -226,8 +226,7 @@ def test_a_run_is_localized_from_where_it_stays_near_to_its_end():
     ]
     runs = [run_of(w, way, *curves) for w, (*curves, _, _, _) in enumerate(expected)]
     for run, (*_, metres, steps, soon) in zip(runs, expected, strict=True):
-        rows = starts_table([run])[COLUMNS].to_numpy().tolist()
-        assert rows == [[1, soon, metres, steps]]
+        assert starts_table([run])[COLUMNS].to_numpy().tolist() == [[1, soon, metres, steps]]
     assert starts_table(runs)[COLUMNS].to_numpy().tolist() == [[5, 2, 3.5, 3]]
 
 

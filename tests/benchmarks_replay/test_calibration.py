@@ -75,6 +75,7 @@ def test_a_fitted_power_is_as_exact_as_any_and_what_is_published_is_honest_on_th
     judged = judged_after_part(replay)
     fitted = with_fitted_power(judged)
     assert judged.scenario.judged == fitted.scenario.judged == math.ceil(PART * len(replay.log))
+    assert with_fitted_power(judged) == fitted  # whenever it is made
     assert fitted.assumed == replay.assumed | {"scan.power": fitted.scenario.scan.power}
     believed, sharp, best = map(published, (replay, judged, fitted))
     assert believed["coverage_95"] < 0.6

@@ -176,7 +176,7 @@ def test_the_tables_are_those_of_numpy(recorded, start, beside):
 
 
 def test_more_runs_are_added_to_those_there_and_other_settings_are_refused(recorded, capsys):
-    words = (*KNOWN, "--localizers", "mcl", "--out", "o")  # whose power is fitted each time
+    words = (*KNOWN, "--localizers", "dead-reckoning", "--out", "o")
     assert replay(*words, "--seeds", "1") == 0
     before = stored(recorded / "o")["trials.jsonl"]
     assert replay(*words, "--seeds", "2") == 0

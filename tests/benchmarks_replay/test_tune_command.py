@@ -85,9 +85,9 @@ def whole_lap():
     return replay_of("lap.csv", "hall.yaml", reference="lap.tum", settings=every)
 
 
-def test_an_interrupted_search_goes_on_to_the_same_end(here, tmp_path):
+def test_an_interrupted_search_goes_on_to_the_same_end_on_one_or_two_workers(here, tmp_path):
     begun = tmp_path / "begun"
-    words = (*MCL, "--out", begun, "--jobs", "1")
+    words = (*MCL, "--out", begun, "--jobs", "2")
     assert exit_code(*words, "--candidates", "20") == 0  # in the middle of a round
     lose(begun, *range(0, 20, 2))
     before = (begun / "trials.jsonl").read_bytes()

@@ -58,6 +58,7 @@ def test_the_script_of_the_queues_report_scores_a_trial():
     few = {"params": {"particles": 50}, "lag": 3, "seed": 0, "trial": 0}
     scored = scores(Trial(scenario="paper", localizer="deq-mcl", **few))
     assert {"error", "past", "future", "future_95"} < scored.keys()
+    assert 0 < scored["error"] < 400
 
 
 @pytest.mark.parametrize("name", WRAPPED)
